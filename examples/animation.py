@@ -36,7 +36,7 @@ def drive() -> dict[str, RunLog]:
     return dict(zip(laws, sim.closed_loop(fleet, pilots, path), strict=True))
 
 
-def main(file: Path = Path("animation.gif"), frames: int = 80) -> None:
+def main(file: Path = Path("out/animation.gif"), frames: int = 80) -> None:
     """Write the animation and print how far from the end of the path the robots stop."""
     runs, path = drive(), trackslip.paper_reference()
     half_gauge = sim.load_robot().geometry.half_gauge
@@ -70,6 +70,7 @@ def main(file: Path = Path("animation.gif"), frames: int = 80) -> None:
                 patch.set_transform(Affine2D().rotate(heading).translate(x, y) + axes.transData)
 
     pause = frames // 4  # frames at the end
+    file.parent.mkdir(parents=True, exist_ok=True)
     FuncAnimation(figure, draw, frames=frames + pause).save(file, writer="pillow", fps=16)
     plt.close(figure)
 

@@ -9,7 +9,7 @@ import trackslip
 from trackslip.logs.logfile import write_parquet
 
 
-def main(file: Path = Path("fleet.parquet"), duration: float = 10.0) -> None:
+def main(file: Path = Path("out/fleet.parquet"), duration: float = 10.0) -> None:
     """Drive each robot at constant sprocket speeds, and log the poses that the scanner measures."""
     robot = sim.load_robot()
     start = np.array([[-1.5, 0.5, 0.0], [-1.5, 0.5, 0.0], [-1.5, 0.5, 0.0]])  # x, y [m], phi [rad]
@@ -23,6 +23,7 @@ def main(file: Path = Path("fleet.parquet"), duration: float = 10.0) -> None:
     feed = sim.ScannerFeed(sim.LaserScanner(noise=0.005), fleet, generators)
     omega = np.array([[2.0, 3.0], [3.0, 4.0], [2.0, 3.0]])  # left, right [rad/s]
     logs = sim.open_loop(fleet, omega, duration, feed, trackslip.PlateLocator())
+    file.parent.mkdir(parents=True, exist_ok=True)
     write_parquet(logs, file)
     for log in trackslip.load(file):
         v, _, w = log.truth.twist[-1]

@@ -11,7 +11,7 @@ RADII = (0.6, 1.0, 1.5, 2.5)  # [m]
 SPEEDS = (0.1, 0.2)  # [m/s]
 
 
-def main(folder: Path = Path(".")) -> None:
+def main(folder: Path = Path("out/identify_from_python")) -> None:
     """Drive, identify and report; `trackslip.identify` also accepts results folders and log files
     of real robots.
     """
@@ -23,6 +23,7 @@ def main(folder: Path = Path(".")) -> None:
     print(found)
     for name, (low, high) in found.intervals["icr_radius"].items():
         print(f"icr_radius: {name} is between {low:.4f} and {high:.4f}")
+    folder.mkdir(parents=True, exist_ok=True)
     trackslip.save_laws(folder / "laws.json", found.laws, robot.geometry)
     print(found.report(folder / "report.html"))
 

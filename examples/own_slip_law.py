@@ -1,4 +1,9 @@
-"""A slip law of your own: fitted, compared with the built-in laws, and shown in the report."""
+"""A slip law of your own: fitted, compared with the built-in laws, shown in the report, and saved.
+
+The command line finds it by the name of this module:
+PYTHONPATH=examples trackslip track --laws out/own_slip_law/laws.json \\
+    --compensation own_slip_law:linear
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,9 +37,13 @@ PARAMETERS = {
 }
 
 
-def main(report: Path = Path("own_slip_law.html")) -> None:
-    """Add the law's family to FAMILIES, so that `identify` fits the law along with all others."""
-    FAMILIES["linear"] = LawFamily("linear in curvature", PARAMETERS, lambda p, _: Linear(**p))
+# `identify` fits all families, and laws in files are found by the names of their families
+FAMILIES["linear"] = LawFamily("linear in curvature", PARAMETERS, lambda p, _: Linear(**p))
+
+
+def main(folder: Path = Path("out/own_slip_law")) -> None:
+    """Drive, identify, report, and save the law."""
+    folder.mkdir(parents=True, exist_ok=True)
     robot = sim.load_robot()
     omega = trackslip.NoSlip().sprocket_speeds(
         [(0.15, 0.15 / r) for r in (0.6, 0.8, 1.0, 1.5, 2.0)], robot.geometry
@@ -43,7 +52,8 @@ def main(report: Path = Path("own_slip_law.html")) -> None:
     found = trackslip.identify(sim.open_loop(fleet, omega, 12.0), robot.geometry)
     for name, law in found.laws.items():
         print(f"{name} misses the slip by {found.comparison.laws[name].rms:.5f} rms: {law}")
-    found.report(report)
+    found.report(folder / "report.html")
+    trackslip.save_laws(folder / "laws.json", {"linear": found.laws["linear"]}, robot.geometry)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import polars as pl
 SWEEP = "grid --radii 0.6 1.0 2.0 --speeds 0.1 0.2 --duration 8 --vary ground=stone,ice --seeds 0 1"
 
 
-def main(folder: Path = Path("out/sweep")) -> None:
+def main(folder: Path = Path("out/read_a_sweep")) -> None:
     """Drive the sweep, and print means and spreads over seeds and speeds."""
     command = [sys.executable, "-m", "experiments", *SWEEP.split(), "--out", str(folder)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)

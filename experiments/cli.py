@@ -19,11 +19,11 @@ import tyro
 
 from experiments.common.streams import PrintableOutput, flush_or_discard, printable
 from experiments.common.temporary import temporary_files
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import InvalidValueError, TrackslipError, one_of
 
 EXAMPLES: Final = (
     ("the whole paper, with a report in out/reproduce/report.html", "trackslip reproduce"),
-    ("a command's options and examples", "trackslip grid --help"),
+    ("a command's usual options, or all of them", "trackslip grid --help"),
     (
         "complete commands and options with Tab in bash (or zsh, fish)",
         'eval "$(trackslip --tyro-print-completion bash)"',
@@ -36,7 +36,8 @@ too.
 _HELP: Final = """usage: trackslip COMMAND [OPTIONS]
 
 Slip of tracked robots: simulate it, identify it, compensate for it.
-`trackslip COMMAND --help` lists a command's options and examples,
+`trackslip COMMAND --help` lists the options of a command that most people
+need, with examples, `--help-all` lists all of them,
 `trackslip --version` prints the version.
 """
 _GROUPS: Final = {
@@ -58,6 +59,7 @@ _INSTEAD: Final = {
     "bench": "pytest tests/benchmarks",
 }
 """Replacements for the removed commands of version 0.2."""
+_SHORT: Final = 3  # number of examples where `--help` doesn't show all options
 _ROOT: Final = Path(__file__).parent
 _KERNEL: Final = ("__init__", "__main__", "cli")  # files here that are not commands
 
@@ -81,7 +83,9 @@ def _sentence(file: Path) -> str:
 
 
 def config_module(command: str) -> Any:
-    """The module with a command's `Config` and `EXAMPLES`."""
+    """The module with a command's `Config`, its `EXAMPLES` and, if it has many options, the names
+    of the `ESSENTIAL` ones, which `--help` shows.
+    """
     folder = (_ROOT / command / "config.py").exists()
     return importlib.import_module(
         f"experiments.{command}.config" if folder else f"experiments.{command}"
@@ -101,10 +105,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
         try:
+            shown: list[str] = []
             with warnings.catch_warnings():
-                warnings.showwarning = functools.partial(_warn, set())
+                warnings.showwarning = functools.partial(_warn, shown)
                 _require_utf8(arguments)
-                _run(arguments)
+                _run(arguments, shown)
         finally:
             sys.stdout.flush()  # here, because Python would end with a traceback if it can't
     except TrackslipError as error:
@@ -132,7 +137,8 @@ def _require_utf8(arguments: Sequence[str]) -> None:
             raise InvalidValueError(field, argument, "text in UTF-8") from None
 
 
-def _run(arguments: Sequence[str]) -> None:
+def _run(arguments: Sequence[str], warned: list[str]) -> None:
+    """Run a command; `warned` are the warnings that were printed until now."""
     match arguments:
         case ["--version"]:
             print(f"trackslip {importlib.metadata.version('trackslip')}")
@@ -156,9 +162,27 @@ def _run(arguments: Sequence[str]) -> None:
             tyro.extras.subcommand_cli_from_dict(configs, prog="trackslip", args=arguments)
         case [name, *_]:
             config = parse(arguments)
-            with temporary_files(), contextlib.redirect_stdout(PrintableOutput(sys.stdout)):
-                run_module(name).run(config)
+            with contextlib.redirect_stdout(PrintableOutput(sys.stdout)):
+                if getattr(config, "stores_results", False):
+                    _run_or_print_stored(name, config, warned)
+                else:
+                    with temporary_files():
+                        run_module(name).run(config)
                 sys.stdout.flush()
+
+
+def _run_or_print_stored(name: str, config: Any, warned: list[str]) -> None:
+    """Run a command and store what it prints, or print what it has stored."""
+    from experiments.common.stored import stored_result, storing  # late, for `--help`
+
+    stored = None if config.runs_anew else stored_result(name, config)
+    if stored is None:
+        with temporary_files() as temporary, storing(config, warned, temporary):
+            run_module(name).run(config)
+    else:
+        stored.print()
+        if stored.exit_code:
+            sys.exit(stored.exit_code)
 
 
 def parse(arguments: Sequence[str]) -> Any:
@@ -172,13 +196,25 @@ def parse(arguments: Sequence[str]) -> Any:
     if name not in commands():
         if name in _INSTEAD:
             raise TrackslipError(f"{name} is gone; use: {_INSTEAD[name]}")
-        raise InvalidValueError("COMMAND", name, f"one of {', '.join(commands())}")
+        raise InvalidValueError("COMMAND", name, one_of(commands(), name))
     module = config_module(name)
+    shown = module.Config
+    examples = module.EXAMPLES
+    further = ""
+    if "--help-all" in options:
+        options = ["--help"]
+    elif {"-h", "--help"} & set(options) and hasattr(module, "ESSENTIAL"):
+        from experiments.common.short_help import essential  # late, as only help needs it
+
+        options = ["--help"]
+        shown = essential(module.Config, module.ESSENTIAL)
+        examples = module.EXAMPLES[:_SHORT]
+        further = f"all options and examples: trackslip {name} --help-all"
     explanation = io.StringIO()
     try:
         with contextlib.redirect_stderr(explanation):
             return tyro.cli(
-                module.Config,
+                shown,
                 prog=f"trackslip {name}",
                 args=options,
                 config=(tyro.conf.DisallowNone, tyro.conf.HelptextFromCommentsOff),
@@ -188,7 +224,7 @@ def parse(arguments: Sequence[str]) -> Any:
             raise refused from None
         sys.stderr.write(explanation.getvalue())
         if not stop.code:
-            print(_examples(module.EXAMPLES))
+            print(_examples(examples), further, sep="\n", end="\n" if further else "")
         raise
 
 
@@ -211,13 +247,13 @@ def _refused_value(stop: SystemExit) -> InvalidValueError | None:
     )
 
 
-def _warn(shown: set[str], message: Warning | str, *_: object, **__: object) -> None:
+def _warn(shown: list[str], message: Warning | str, *_: object, **__: object) -> None:
     """Print a warning once, in one line, without the code that issued it; see
     `warnings.showwarning`.
     """
     line = printable(" ".join(str(message).split()))
     if line not in shown:
-        shown.add(line)
+        shown.append(line)
         print(f"warning: {line}", file=sys.stderr)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Final, Literal
 import tyro
 
 from experiments.common.options import Exclusion, Needs, Options, default_is
-from experiments.common.results import require_new, write_output
+from experiments.common.results import write_outputs
 from trackslip.deploy.deploy import deployed
 from trackslip.laws.file import SHIPPED
 
@@ -55,15 +55,16 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Print the deployed law, or write it to a file."""
-    if config.out is not None:
-        require_new(config.out, config.overwrite)
     program = deployed(
         config.path or SHIPPED, config.to, config.law, config.controller, config.accept
     )
     if config.out is None:
         print(program.text, end="")
         return
-    write_output(config.out, lambda draft: draft.write_text(program.text, encoding="utf-8"))
+    write_outputs(
+        {config.out: lambda draft: draft.write_text(program.text, encoding="utf-8")},
+        config.overwrite,
+    )
     print(f"{config.out}: written for {config.to}, law {program.law}")
     if program.instead:
-        print(program.instead)
+        print(f"warning: {program.instead}")

@@ -21,7 +21,7 @@ from experiments.common.log_options import (
     size_in_bytes,
 )
 from experiments.common.options import Exclusion, Needs, Options, default_is
-from experiments.common.results import RUNS_FILE, require_new, write_output
+from experiments.common.results import RUNS_FILE, write_outputs
 from experiments.common.table import MISSING, Table, number
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import holds_bags, read_runs_of, runs_of
@@ -54,6 +54,16 @@ EXAMPLES: Final = (
         "poses of a plate in the scans of a laser range finder",
         "trackslip log run.mcap --plate 0.5x0.02 --out log.csv",
     ),
+)
+ESSENTIAL: Final = (
+    "path",
+    "out",
+    "overwrite",
+    "bag.encoders",
+    "bag.poses",
+    "bag.imu",
+    "bag.plate",
+    "table.columns",
 )
 _TOPICS: Final = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*: taken)")
 _RUNS: Final = (
@@ -107,9 +117,8 @@ def run(config: Config) -> None:
     layout = config.table.layout()
     max_memory = size_in_bytes("max_memory", config.max_memory)
     if config.out is not None:
-        for target in _written(config.out):
-            require_new(target, config.overwrite)
-        _write(read_runs_of(config.path, choice, max_memory, layout), choice, config.out)
+        read_runs = read_runs_of(config.path, choice, max_memory, layout)
+        _write(read_runs, choice, config.out, config.overwrite)
         return
     bags = open_bags(config.path, max_memory) if holds_bags(config.path) else []
     damage = [note for bag in bags for note in bag.notes]
@@ -221,26 +230,22 @@ def _print_warnings(lines: Sequence[str]) -> None:
         print(f"warning: {line}")
 
 
-def _written(file: Path) -> tuple[Path, ...]:
-    """The files that are written for the log `file`: a CSV file comes with the columns' units."""
-    if file.suffix.lower() == ".parquet":
-        return (file,)
-    return file, file.with_suffix(".columns.csv")
-
-
-def _write(read: ReadRuns, choice: BagChoice, file: Path) -> None:
+def _write(read: ReadRuns, choice: BagChoice, file: Path, overwrite: bool) -> None:
     """Write the runs to `file`, and for CSV also a file with units."""
     parquet = file.suffix.lower() == ".parquet"
-    units = _written(file)[-1]
+    units = file.with_suffix(".columns.csv")
+    columns: list[str] = []
 
-    def write_both(draft: Path) -> None:  # writes both files or neither
+    def write_numbers(draft: Path) -> None:
         write_csv(read.runs, draft)
-        write_output(units, lambda columns: _write_units(draft, columns))
+        columns.extend(_header(draft))
 
     if parquet:
-        write_output(file, lambda draft: write_parquet(read.runs, draft))
+        write_outputs({file: lambda draft: write_parquet(read.runs, draft)}, overwrite)
     else:
-        write_output(file, write_both)
+        write_outputs(
+            {file: write_numbers, units: lambda draft: _write_units(columns, draft)}, overwrite
+        )
 
     for line in read.taken:
         print(line)
@@ -259,12 +264,14 @@ def _write(read: ReadRuns, choice: BagChoice, file: Path) -> None:
     print(f"trackslip identify {shlex.quote(str(file))} {sizes}")
 
 
-def _write_units(table: Path, file: Path) -> None:
-    """Write the unit and description of each column in the CSV file `table` to the CSV file
-    `file`.
-    """
+def _header(table: Path) -> list[str]:
+    """The names of the columns of a CSV file."""
     with table.open(newline="", encoding="utf-8") as text:
-        names = next(csv.reader(text))
+        return next(csv.reader(text))
+
+
+def _write_units(names: Iterable[str], file: Path) -> None:
+    """Write the unit and description of each column to the CSV file `file`."""
     with file.open("w", newline="", encoding="utf-8") as text:
         writer = csv.writer(text)
         writer.writerow(("column", "unit", "description"))

@@ -44,8 +44,14 @@ from trackslip.skid_theory import Load, steady_turns, steady_twist
 
 EXAMPLES: Final = (
     ("the shipped robot", "trackslip predict"),
-    ("uphill on ground that shears", "trackslip predict --shear 0.01 --slope 0.17"),
-    ("soft soil: sinkage, and the drawbar pull over slip", "trackslip predict --ground dry_sand"),
+    (
+        "uphill on ground that shears",
+        "trackslip predict --shear 0.01 --slope 0.17 --out out/shearing",
+    ),
+    (
+        "soft soil: sinkage, and the drawbar pull over slip",
+        "trackslip predict --ground dry_sand --out out/soft",
+    ),
     (
         "turns counted by hand: 10 by odometry to each side, 7.9 and 8.1 really",
         "trackslip predict --turns 10 -10 --measured 7.9 -8.1",
@@ -56,8 +62,21 @@ EXAMPLES: Final = (
     ),
     (
         "a robot of another size",
-        "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2",
+        "trackslip predict --half-gauge 0.25 --contact-length 0.6 --out out/larger",
     ),
+)
+ESSENTIAL: Final = (
+    "robot",
+    "half_gauge",
+    "contact_length",
+    "friction_ratio",
+    "shear",
+    "slope",
+    "turns",
+    "drove",
+    "measured",
+    "out",
+    "overwrite",
 )
 _HEADER: Final = (
     "radius driven [m]",
@@ -196,6 +215,11 @@ class Config(ResultsOptions):
             )
         if self.measured is not None:
             _check_by_hand(self)
+
+    @property
+    def stores_results(self) -> bool:
+        """Whether slip is computed from theory, not only a number from what was counted by hand."""
+        return self.measured is None
 
 
 def run(config: Config) -> None:

@@ -27,14 +27,25 @@ from experiments.common.table import Table, number
 from experiments.simulate.motors import print_motors
 from experiments.simulate.options import ClosedLoopOptions
 from sim.common.seeds import generator
-from sim.runs.loop import Progress
-from trackslip.errors import TrackslipError, require_positive
+from sim.runs.loop import MEASURED, Progress
+from trackslip.errors import TrackslipError, require, require_positive
 from trackslip.kinematics import Array
 from trackslip.metrics import LOST
 
 EXAMPLES: Final = (
     ("Eq. 31, with and without slip compensation", "trackslip tune linear"),
     ("your own controller", "trackslip tune my_controller:MyController --out out/mine"),
+)
+ESSENTIAL: Final = (
+    "controllers",
+    "compensations",
+    "evaluations",
+    "robot",
+    "laws",
+    "seeds",
+    "threads",
+    "out",
+    "overwrite",
 )
 _MAX_EVALUATIONS: Final = 10_000
 _POPULATION: Final = 12  # number of candidates in a generation
@@ -83,6 +94,9 @@ class Config(ClosedLoopOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive("roughness", self.roughness)
+        # a search with times that vary would not be the same again
+        given = self.command_delay != MEASURED
+        require(given, "command_delay", self.command_delay, "a time [s]")
 
 
 def run(config: Config) -> None:

@@ -2,7 +2,7 @@
 
 import shlex
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from shutil import copyfile
@@ -10,11 +10,14 @@ from typing import Annotated, ClassVar, Final
 
 import tyro
 
+from experiments.common.choices import ROBOTS
 from experiments.common.leftovers import temporary
 from experiments.common.log_options import LayoutOptions, MaxMemory, TableLayout, size_in_bytes
 from experiments.common.options import Distinct, Excludes, Exclusion, Options, default_is
+from experiments.common.plain_json import plain
 from experiments.common.results import DRIVE_RECORDING, RECORDINGS_FOLDER, file_names, write_output
 from experiments.recorder import record, title, viewer
+from sim.robot.named import load_parameters
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.bags.drives import holds_bags, runs_of
 from trackslip.errors import InvalidValueError
@@ -23,6 +26,7 @@ EXAMPLES: Final = (
     ("the first run", "trackslip view out/track"),
     ("compare two runs", 'trackslip view out/reproduce --run "linear none" --run "linear icr"'),
     ("a file for the viewer", "trackslip view log.csv --save log.rrd"),
+    ("your log with your robot", "trackslip view log.csv --robot my_robot.toml"),
 )
 
 
@@ -40,6 +44,8 @@ class Config(Options):
     """Name of a run; repeat the option to compare runs."""
     web: bool = False
     """Show the runs in the browser, until interrupted."""
+    robot: Annotated[str | None, default_is("the log's", ROBOTS)] = None
+    """Robot to show in place of the log's: a name, or a file as for other commands."""
     save: Annotated[Path | None, default_is("none", "FILE")] = None
     """Write an .rrd file instead, for `rerun FILE`."""
     table: TableLayout = field(default_factory=LayoutOptions)
@@ -61,7 +67,12 @@ def run(config: Config) -> None:
     """Read runs, choose some of them, and show or save them."""
     recording = config.path / RECORDINGS_FOLDER / DRIVE_RECORDING
     if recording.is_file():  # the recording shows the course, which is not in the log
-        given = {"run": config.run, "max_memory": config.max_memory, **vars(config.table)}
+        given = {
+            "run": config.run,
+            "robot": config.robot,
+            "max_memory": config.max_memory,
+            **vars(config.table),
+        }
         for option, value in given.items():
             if value:
                 raise InvalidValueError(
@@ -86,6 +97,10 @@ def run(config: Config) -> None:
         print(
             f"{count} runs; showing {chosen[0].run!r}. --run NAME chooses one; repeat it to compare"
         )
+    if config.robot is not None:
+        parameters, _ = load_parameters(config.robot)
+        robot = {"robot": plain(parameters)}
+        chosen = [replace(log, metadata={**log.metadata, **robot}) for log in chosen]
     if config.save is not None:
         record(config.save, chosen)
         print(f"{config.save}: {title(chosen)}; to open it: rerun {shlex.quote(str(config.save))}")

@@ -27,7 +27,7 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
 
     kind: ClassVar[type[TaskVectorEnv]]
 
-    def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
+    def __init__(self, num_envs: int = 1, threads: int | None = None, **options: Any) -> None:
         """Build the simulator for `num_envs` robots; see the vector environment."""
         env = self.kind(
             num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
@@ -24,8 +25,14 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 CORE = (
-    *("trackslip/test_kinematics", "trackslip/laws", "trackslip/controllers", "trackslip/odometry"),
-    *("trackslip/identification/test_windows", "sim/tracks", "sim/fleet", "sim/runs/test_loop"),
+    "trackslip/test_kinematics",
+    "trackslip/laws",
+    "trackslip/controllers",
+    "trackslip/odometry",
+    "trackslip/identification/test_windows",
+    "sim/tracks",
+    "sim/fleet",
+    "sim/runs/test_loop",
 )
 """Tests of the method, of tracks and of the closed loop: those to run after every change."""
 
@@ -60,14 +67,14 @@ def scan_rectangle():
         step: float = np.radians(0.25),
     ) -> Scan:
         plate = plate or Plate()
-        bearings = np.arange(-round(np.pi / 2 / step), round(np.pi / 2 / step) + 1) * step
-        direction = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # (B, 2)
-        template = Scan(bearings, np.empty((0, len(bearings))), noise, np.array(mount))
-        local = template.from_world(np.asarray(poses, float))
-        ranges = rectangle(local[:, None], (plate.length, plate.thickness))(
-            np.zeros(2), direction, np.zeros(1)
-        )
-        ranges = np.where(np.isfinite(ranges), ranges + rng.normal(0, noise, ranges.shape), np.nan)
-        return Scan(bearings, ranges, noise, np.array(mount))
+        half = round(np.pi / 2 / step)
+        bearings = np.arange(-half, half + 1) * step
+        directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # (B, 2)
+        scanner = Scan(bearings, np.empty((0, len(bearings))), noise, np.array(mount))
+        local = scanner.from_world(np.asarray(poses, float))
+        seen = rectangle(local[:, None], (plate.length, plate.thickness))
+        exact = seen(np.zeros(2), directions, np.zeros(1))
+        ranges = np.where(np.isfinite(exact), exact + rng.normal(0, noise, exact.shape), np.nan)
+        return replace(scanner, ranges=ranges)
 
     return scan

@@ -2,6 +2,8 @@
 
 from .bags.choice import BagChoice as BagChoice
 from .bags.drives import load as load
+from .benchmark import BenchmarkResults as BenchmarkResults
+from .benchmark import load_benchmark as load_benchmark
 from .controllers.base import Controller as Controller
 from .controllers.feedback import DynamicFeedback as DynamicFeedback
 from .controllers.feedback import Feedforward as Feedforward
@@ -19,6 +21,8 @@ from .errors import LogError as LogError
 from .errors import LogWarning as LogWarning
 from .errors import OutputError as OutputError
 from .errors import TrackslipError as TrackslipError
+from .identification.common_law import LogComparison as LogComparison
+from .identification.common_law import compare_logs as compare_logs
 from .identification.identify import identify as identify
 from .identification.result import Identification as Identification
 from .kinematics import RobotGeometry as RobotGeometry

@@ -4,8 +4,9 @@ raise them.
 
 from __future__ import annotations
 
+import difflib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import field, fields
 from numbers import Integral, Real
 from pathlib import PurePath
@@ -31,14 +32,10 @@ class InvalidValueError(TrackslipError, ValueError):
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        plain = (
-            float(value)
-            if isinstance(value, float)
-            else str(value)
-            if isinstance(value, PurePath)
-            else value
-        )
-        shown = repr(plain)  # the repr of NumPy floats and paths includes the type
+        plain: object = _plain(value)
+        if type(value) is tuple:
+            plain = tuple(map(_plain, value))
+        shown = repr(plain)
         if len(shown) > _MAX_SHOWN:
             shown = f"{shown[: _MAX_SHOWN // 2]} ... {shown[-_MAX_SHOWN // 4 :]}"
         super().__init__(f"{field} = {' '.join(shown.split())}: must be {allowed}")
@@ -46,6 +43,13 @@ class InvalidValueError(TrackslipError, ValueError):
 
     def __reduce__(self) -> tuple[type[InvalidValueError], tuple[str, object, str]]:
         return type(self), (self.field, self.value, self.allowed)  # picklable, for other processes
+
+
+def _plain(value: object) -> object:
+    """A value whose `repr` doesn't include its type, as that of NumPy floats and of paths does."""
+    if isinstance(value, float):
+        return float(value)
+    return str(value) if isinstance(value, PurePath) else value
 
 
 class LogError(TrackslipError, ValueError):
@@ -95,6 +99,29 @@ def require(allowed: object, field: str, value: object, what: str) -> None:
     """
     if not allowed:
         raise InvalidValueError(field, value, what)
+
+
+def one_of(names: Iterable[str], given: object, others: str = "") -> str:
+    """Description of the allowed `names`, and of `others` beside them, for an error: with the name
+    that is most similar to what was `given`, if any is.
+    """
+    known = [str(name) for name in names]
+    return f"one of {', '.join(known)}{others}{did_you_mean(given, known)}"
+
+
+def did_you_mean(given: object, names: Iterable[str]) -> str:
+    """The most similar of the names, as the end of a message; empty if none is similar."""
+    known = {name.lower(): name for name in names}
+    similar = difflib.get_close_matches(str(given).lower()[:_MAX_SHOWN], known, 1)
+    return f" (did you mean {known[similar[0]]}?)" if similar else ""
+
+
+def require_one_of(field: str, value: object, names: Collection[Any], others: str = "") -> None:
+    """Raise InvalidValueError for a value that isn't one of `names`; `others` describes what else
+    is allowed, and was checked before.
+    """
+    if value not in names:
+        raise InvalidValueError(field, value, one_of(names, value, others))
 
 
 def require_positive(field: str, value: float, most: float = float("inf"), unit: str = "") -> None:

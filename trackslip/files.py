@@ -18,6 +18,7 @@ from typing import IO, Any, Final
 import numpy as np
 
 from trackslip.errors import LogError, first_line
+from trackslip.inputs import note_input
 from trackslip.memory import size_text
 from trackslip.replacement import MANIFEST, complete_for_reading
 
@@ -47,6 +48,7 @@ def regular_file(path: Path) -> Path:
         if file.read(len(_LFS_POINTER)) == _LFS_POINTER:
             problem = "a Git LFS pointer instead of the file; `git lfs pull` fetches it"
             raise OSError(errno.EINVAL, problem)
+    note_input(path)
     return path
 
 

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
+from trackslip.viewable import Viewable
 
 # time by which an initial error has decayed, and at which the paper's arc begins [s]
 TRANSIENT: Final = 12.0
@@ -30,7 +32,7 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True)
-class TrackingErrors:
+class TrackingErrors(Viewable):
     """Tracking errors of a run. Position errors are distances to the reference pose at the same
     time.
     """
@@ -71,6 +73,7 @@ class Expense:
     """Time during which a motor is at its limit or a sprocket's set point at its top speed [s]."""
 
 
+@checks_arguments
 def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> TrackingErrors:
     """Compute the errors of poses (T, 3) at times (T,) [s] with respect to `reference`."""
     time = np.asarray(time, float)
@@ -99,6 +102,7 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
     )
 
 
+@checks_arguments
 def expense(log: RunLog, top_speed: float) -> Expense:
     """Compute the motor effort in a simulated run with sprocket speeds limited to `top_speed`
     [rad/s].
@@ -113,8 +117,7 @@ def expense(log: RunLog, top_speed: float) -> Expense:
     change = np.diff(set_points, axis=0)
 
     # share of each step in which a motor is at its limit, or all of it at the top speed
-    fastest = np.abs(set_points).max(axis=1)
-    is_at_top = fastest > top_speed * (1 - _TOP_SPEED_ROUNDING)
+    is_at_top = at_top_speed(set_points, top_speed)
     motor_share = log.truth.saturated[1:].max(axis=1)
     saturated_share = np.maximum(motor_share, is_at_top)
     return Expense(
@@ -122,6 +125,12 @@ def expense(log: RunLog, top_speed: float) -> Expense:
         roughness=rms(change / step[:-1, None]),
         saturation_s=float(np.sum(saturated_share * step)),
     )
+
+
+def at_top_speed(set_points: ArrayLike, top_speed: float) -> np.ndarray:
+    """Mask (...) of set points (..., 2) of which one is at the top speed [rad/s]."""
+    fastest = np.abs(np.asarray(set_points, float)).max(axis=-1)
+    return np.asarray(fastest > top_speed * (1 - _TOP_SPEED_ROUNDING))
 
 
 def rms(values: ArrayLike) -> float:

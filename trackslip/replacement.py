@@ -144,6 +144,23 @@ def commit(folder: Path) -> None:
     complete(folder)
 
 
+def amend(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Replace the manifest of a folder's results, whose other files stay. Raises OSError if that
+    fails.
+    """
+    draft = begin(folder, {})
+    text = json.dumps(manifest, indent=2) + "\n"
+    (draft / MANIFEST).write_text(text, encoding="utf-8")
+    os.replace(draft / MANIFEST, folder / MANIFEST)
+    discard(folder)
+
+
+def discard_abandoned(folder: Path) -> None:
+    """Delete the DRAFT that a killed command left in a folder, which must be locked."""
+    if is_ours(folder / DRAFT):
+        discard(folder)
+
+
 def complete(folder: Path) -> None:
     """Complete a replacement in a folder that a killed command began to move, if there is one.
 

@@ -3,7 +3,7 @@ the laws.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -12,13 +12,14 @@ import numpy as np
 
 from experiments.benchmark.config import Config
 from experiments.common.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
-from experiments.common.lookup import reference
+from experiments.common.paths import PLAN, PathPlan
 from sim.common.seeds import generator
 from sim.motors.motor import or_tireless
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters
 from trackslip import se2
 from trackslip.kinematics import Array
+from trackslip.trajectory.base import Reference
 
 FACTORS: Final = ("controller", "compensation", "reference", "ground", "start", "seed")
 """Axes along which a benchmark's runs differ; each is a field of BenchmarkCase."""
@@ -75,6 +76,8 @@ class BenchmarkCase:
     seed: int
     id: str = ""
     """Hash of everything that the run's numbers depend on, including the contents of files."""
+    plan: PathPlan = PLAN
+    """How the reference's file becomes a path."""
 
     @property
     def name(self) -> str:
@@ -92,9 +95,14 @@ class BenchmarkCase:
         return self.reference
 
     @property
+    def path(self) -> Reference:
+        """The reference."""
+        return self.plan.path(self.reference)
+
+    @property
     def duration(self) -> float:
         """Simulated time [s]."""
-        return reference(self.reference).duration
+        return self.path.duration
 
     @property
     def key(self) -> str:
@@ -115,11 +123,11 @@ class BenchmarkCase:
             bearing = rng.uniform(-np.pi, np.pi)
             rotation = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
             offset = np.array([*(distance * se2.direction(bearing)), rotation])
-        return se2.compose(reference(self.reference).pose(0.0), offset)
+        return se2.compose(self.path.pose(0.0), offset)
 
 
-def planned_cases(config: Config) -> list[BenchmarkCase]:
-    """All cases that the options describe, without duplicates."""
+def planned_cases(config: Config, plan: PathPlan = PLAN) -> list[BenchmarkCase]:
+    """All cases that the options describe, without duplicates; files become paths as in `plan`."""
     options = (
         config.controllers,
         config.compensations,
@@ -131,7 +139,9 @@ def planned_cases(config: Config) -> list[BenchmarkCase]:
     cases: list[BenchmarkCase] = []
     for design in SUITES[config.suite].designs:
         values = [option or default for option, default in zip(options, design, strict=True)]
-        cases += [BenchmarkCase(*combination) for combination in product(*values)]
+        cases += [
+            replace(BenchmarkCase(*combination), plan=plan) for combination in product(*values)
+        ]
     return list(dict.fromkeys(cases))
 
 

@@ -11,13 +11,15 @@ from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
 from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, page
-from experiments.benchmark.rows import board, over_seeds, score
+from experiments.benchmark.rows import board, over_seeds, score, step_times
 from experiments.common.choices import SHIPPED
+from experiments.common.paths import is_file
 from experiments.common.plain_json import plain
 from experiments.common.results import REPORT_FILE, RUNS_FILE
-from experiments.common.sweep import Row, drive_missing, resumable
+from experiments.common.sweep import STEPS, Row, drive_missing, resumable
 from experiments.common.table import stages_text
 from experiments.simulate.motors import print_motors
+from experiments.simulate.paths import PathSummary
 from sim.runs.stopwatch import Stopwatch
 from trackslip.errors import counted
 
@@ -27,7 +29,10 @@ def run(config: Config) -> None:
     suite = SUITES[config.suite]
     gains = Gains.load(config.gains or suite.gains)
     loops = ClosedLoops(config, config.plants or suite.plants, gains)
-    planned = planned_cases(config)
+    world = loops.world
+    plan = config.plan(world.robot.geometry.half_gauge, world.drive.top_speed)
+    planned = planned_cases(config, plan)
+    config.require_file(tuple(case.reference for case in planned), world.drive.top_speed)
     loops.check(planned)
     cases = loops.identified(planned)
     with resumable(config, {case.id for case in cases}) as (run, store):
@@ -50,22 +55,18 @@ def run(config: Config) -> None:
         about = run.manifest(
             **loops.world.about | {"ground": grounds, "seed": seeds, "files": files}
         )
-        names = {
-            entry["controller"]: entry["compensation"]
-            for entry in entries
-            if entry["failed"] < entry["seeds"]
-        }
-        steps = {
-            name: loops.step_time(gains.specification(name, names[name]), cases[0].reference)
-            for name in names
-        }
+        steps = step_times(runs)
         best = answer(
             entries, _track_command(config, gains, entries[0]), steps, config.scanner.period
         )
         lines = [f"{failure['run']}: {failure['error']}" for failure in failures]
         with run.watch.stage("report"):
-            page(best, entries, rows, lines, about).write(run.folder, config.pdf)
-        scored = [row | {"score": score(row)} for row in runs]
+            page(best, entries, rows, lines, steps, about).write(run.folder, config.pdf)
+        # times differ each time that a run is driven, so they are kept apart
+        scored = [
+            {key: value for key, value in row.items() if key != STEPS} | {"score": score(row)}
+            for row in runs
+        ]
         summary = {
             "board": entries,
             "rows": rows,
@@ -73,13 +74,27 @@ def run(config: Config) -> None:
             "failures": failures,
             "runs": len(runs),
         }
-        summary["timing"] = {"step_s": steps}
+        paths = [
+            PathSummary.of(name, plan.path(name), plan.limits)
+            for name in dict.fromkeys(case.reference for case in cases)
+        ]
+        summary["paths"] = paths
+        summary["timing"] = {
+            "step_s": {name: times.median for name, times in steps.items()},
+            "p99_step_s": {name: times.p99 for name, times in steps.items()},
+            "worst_step_s": {name: times.worst for name, times in steps.items()},
+        }
         run.write(summary, manifest=about)
     print(f"{best.heading}.")
     for line in [*best.lines, *(f"Warning: {warning}." for warning in best.warnings)]:
         print(line)
     print()
     board_table(entries).print()
+    for path in paths:
+        if is_file(path.name):
+            print(path)
+        for warning in path.warnings(plan):
+            print(f"Warning: {warning}.")
     print(textwrap.fill(BOARD_LEGEND, 120))
     print_motors(config.robot, loops.world.drive)
     for line in lines:

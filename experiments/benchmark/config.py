@@ -7,25 +7,37 @@ from typing import Annotated, Final, Literal
 from experiments.common.choices import COMPENSATIONS, CONTROLLERS, GROUND_NAMES, REFERENCES
 from experiments.common.options import Distinct, Whole, default_is
 from experiments.simulate.options import MAX_JOBS, ClosedLoopOptions
+from experiments.simulate.paths import WaypointOptions
 
 EXAMPLES: Final = (
     ("every controller, tuned, on drawn plants", "trackslip benchmark"),
-    ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
+    ("Sec. IV of the paper", "trackslip benchmark --suite paper --out out/paper"),
     (
         "two controllers on ice",
-        "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1",
+        "trackslip benchmark --controllers linear lqr --grounds ice --out out/on-ice",
     ),
     (
         "your own controller, tuned by tune",
-        "trackslip benchmark --controllers my:Controller linear --gains out/tune",
+        "trackslip benchmark --controllers my:C linear --gains out/tune --out out/my",
     ),
+)
+ESSENTIAL: Final = (
+    "suite",
+    "controllers",
+    "compensations",
+    "references",
+    "grounds",
+    "seeds",
+    "robot",
+    "out",
+    "overwrite",
 )
 Start = Literal["zero", "paper", "random"]
 _GROUNDS: Final = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
 
 
 @dataclass(frozen=True)
-class Config(ClosedLoopOptions):
+class Config(ClosedLoopOptions, WaypointOptions):
     """Compare controllers, with and without slip compensation, on paths and grounds, and print a
     leaderboard.
 

@@ -1,11 +1,9 @@
 """How a benchmark's cases are driven and measured, fleet by fleet."""
 
-import contextlib
 import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter
 from typing import ClassVar, Final
 
 import numpy as np
@@ -13,11 +11,17 @@ import numpy as np
 from experiments.benchmark.cases import FACTORS, BenchmarkCase, plant_ranges
 from experiments.benchmark.gains import Gains
 from experiments.common.choices import WITHOUT_LAWS
-from experiments.common.lookup import compensation, controller, policy_path, reference, user_modules
+from experiments.common.lookup import compensation, controller, policy_path, user_modules
 from experiments.common.manifest import content, digest
 from experiments.common.results import SUMMARY_FILE
 from experiments.common.sweep import Row
-from experiments.simulate.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
+from experiments.simulate.closed_loop import (
+    ClosedLoopRun,
+    Loop,
+    Plant,
+    drive_closed_loops,
+    require_able,
+)
 from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
 from experiments.simulate.world import World
 from sim.common.seeds import generator
@@ -30,9 +34,10 @@ from trackslip.laws.file import SHIPPED
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, expense, tracking_errors
 from trackslip.online.compensation import Compensation
+from trackslip.trajectory.drivable import require_drivable
+from trackslip.trajectory.turns import turns_of
 
 _NOISE: Final = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
-_TIMED_STEPS: Final = 21  # number of controller steps that are timed
 _SPACING: Final = 0.05  # time between points on the path where ground patches may lie [s]
 
 
@@ -66,7 +71,7 @@ class ClosedLoops:
         if self.plants == "nominal":
             return None
         world = self.world
-        path = reference(case.reference)
+        path = case.path
         rng = generator(case.seed, f"plant {case.key}")
         robot = replace(world.parameters, radius_error=world.radius_error, drive=world.drive)
         poses = path.pose(np.arange(0.0, path.duration, _SPACING))
@@ -91,6 +96,7 @@ class ClosedLoops:
         """Raise TrackslipError for unknown names, and for gains or plants that aren't allowed,
         before driving.
         """
+        self.config.check(self.world.drive)
         if self.config.laws and {case.compensation for case in cases} <= set(WITHOUT_LAWS):
             allowed = f"left out for the compensations {', '.join(WITHOUT_LAWS)}"
             raise InvalidValueError("laws", self.config.laws, allowed)
@@ -99,7 +105,7 @@ class ClosedLoops:
         look_ups: tuple[tuple[Callable[[str], object], Iterable[str]], ...] = (
             (self.controller, controllers),
             (self.compensation, (case.compensation for case in cases)),
-            (reference, (case.reference for case in cases)),
+            (cases[0].plan.path, (case.reference for case in cases)),
             (self.ground, (case.ground for case in cases)),
         )
         try:
@@ -110,9 +116,12 @@ class ClosedLoops:
             option = f"{error.field}s" if error.field in FACTORS else error.field
             raise InvalidValueError(option, error.value, error.allowed) from error
         for name in dict.fromkeys(case.reference for case in cases):
-            duration = reference(name).duration
+            duration = cases[0].plan.path(name).duration
             allowed = f"a path of more than {TRANSIENT:g} s, from which on errors count"
             require(duration > TRANSIENT, "references", f"{name} of {duration:.1f} s", allowed)
+        self._require_able(cases)
+        for case in {(case.reference, case.compensation): case for case in cases}.values():
+            self._require_drivable(case)
         try:
             self.plant(cases[0])
         except InvalidValueError as error:
@@ -120,21 +129,24 @@ class ClosedLoops:
                 f"{error.field} of drawn plants", error.value, error.allowed
             ) from error
 
-    def step_time(self, controller: str, reference_name: str) -> float:
-        """Median computing time per step of a controller that follows a reference with one robot
-        [s].
-        """
-        path = reference(reference_name)
-        follower = self.controller(controller)
-        follower.reset()
-        taken = []
-        with contextlib.suppress(Exception):  # a user's controller may fail in some runs
-            for time in self.config.scanner.period * np.arange(_TIMED_STEPS):
-                pose = path.pose(time)[None]
-                begin = perf_counter()
-                follower.twist(float(time), pose, path)
-                taken.append(perf_counter() - begin)
-        return float(np.median(taken)) if taken else 0.0
+    def _require_drivable(self, case: BenchmarkCase) -> None:
+        """Raise InvalidValueError for a path that is too fast for the robot with a compensation."""
+        slip = self.compensation(case.compensation)
+        slip.reset(case.path.pose([0.0]))
+        geometry = self.world.robot.geometry
+        top_speed = self.world.drive.top_speed
+        require_drivable("references", case.reference, case.path, slip.law(), geometry, top_speed)
+
+    def _require_able(self, cases: Sequence[BenchmarkCase]) -> None:
+        """Raise InvalidValueError if a path turns on the spot, and a controller or law can't."""
+        by_path: dict[str, list[BenchmarkCase]] = {}
+        for case in cases:
+            by_path.setdefault(case.reference, []).append(case)
+        for group in by_path.values():
+            path = group[0].path
+            if turns_of(path):
+                runs = [self._loop(case) for case in group]
+                require_able(runs, self.world, path, self.compensation)
 
     def files(self, cases: Sequence[BenchmarkCase]) -> dict[str, str | None]:
         """SHA-256 of files with laws, policies, user modules, paths and grounds, by name; None if
@@ -163,11 +175,12 @@ class ClosedLoops:
             world.robot.digest,
             world.drive,
         ]
-        room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]
+        loop = vars(Loop.of(config)).values()
+        room = [world.obstacles, world.pull, config.scanner, *loop]
         common = digest([robot, room, self.files(cases), self.plants])
         identified = []
         for case in cases:
-            id = digest([common, case.axes, self._specification(case)])
+            id = digest([common, case.axes, self._specification(case), case.plan])
             identified.append(replace(case, id=id))
         return identified
 
@@ -179,15 +192,14 @@ class ClosedLoops:
         self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None
     ) -> list[RunLog]:
         """Drive cases that share a reference as one fleet."""
-        config = self.config
         return drive_closed_loops(
             [self._loop(case) for case in runs],
             self.world,
-            reference(runs[0].reference),
-            config.localization,
+            runs[0].path,
+            Loop.of(self.config),
             self.compensation,
-            config.preview,
             progress or (lambda seconds: None),
+            watch=watch,
         )
 
     def _loop(self, case: BenchmarkCase) -> ClosedLoopRun:
@@ -202,7 +214,7 @@ class ClosedLoops:
             ground=None if self.plants == "drawn" else self.ground(case.ground),
             plant=self.plant(case),
             metadata={
-                "reference": case.reference,
+                **case.plan.metadata(case.reference),
                 "ground_name": case.ground,
                 "start": case.start,
             },
@@ -211,11 +223,13 @@ class ClosedLoops:
     def measure(self, run: BenchmarkCase, log: RunLog) -> Row:
         """Errors and expense of a run, by column."""
         assert log.truth is not None
-        errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
+        errors = tracking_errors(log.time, log.truth.pose, run.path)
         top_speed = self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
+        effort = expense(log, top_speed)
         row: Row = {
             **vars(errors),
-            **vars(expense(log, top_speed)),
+            **vars(effort),
+            "saturation": effort.saturation_s / float(log.time[-1] - log.time[0]),
             "valid_fraction": float(log.is_valid.mean()),
         }
         if log.icr is not None:

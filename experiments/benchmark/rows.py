@@ -8,19 +8,20 @@ from typing import Final
 import numpy as np
 
 from experiments.benchmark.cases import FACTORS
-from experiments.common.sweep import Row
+from experiments.common.sweep import STEPS, Row
 from sim.common.seeds import generator
+from sim.runs.stopwatch import StepTimes
 from trackslip.kinematics import Array
 from trackslip.metrics import LOST, Expense, TrackingErrors
 
 MEASURES: Final = (
     *(f.name for f in dataclasses.fields(TrackingErrors) if f.name != "success"),
     *(f.name for f in dataclasses.fields(Expense)),
-    *("valid_fraction", "icr_offset", "icr_radius_error"),
+    *("saturation", "valid_fraction", "icr_offset", "icr_radius_error"),
 )
-"""Errors and expense of a run, as in `trackslip.metrics`; the share of scans with a pose [-]; and
-online compensation's final estimates: offset D of the ICRs [m] and relative error in the sprocket
-radius [-].
+"""Errors and expense of a run, as in `trackslip.metrics`; the share of the time of `saturation_s`,
+and of scans with a pose [-]; and final estimates of online compensation: offset D of the ICRs [m]
+and relative error in the sprocket radius [-].
 """
 SETTING: Final = FACTORS[:-1]
 """Columns that identify a mean over seeds: all factors but the seed."""
@@ -36,6 +37,17 @@ def score(run: Row) -> float:
     """
     kept = run["error"] is None and run["success"]
     return float(run["rms_position_after_12s"]) if kept else LOST
+
+
+def step_times(runs: Sequence[Row]) -> dict[str, StepTimes]:
+    """Computing times of the control steps by controller, in its slowest run with any
+    compensation.
+    """
+    timed: dict[str, list[StepTimes]] = {}
+    for run in runs:
+        if STEPS in run:
+            timed.setdefault(run["controller"], []).append(StepTimes(**run[STEPS]))
+    return {name: StepTimes.slowest(times) for name, times in timed.items()}
 
 
 def over_seeds(runs: Sequence[Row]) -> list[Row]:

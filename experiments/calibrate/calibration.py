@@ -10,7 +10,6 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from experiments.calibrate.config import Config
-from experiments.common.laws import printed_unit, with_interval
 from experiments.common.log_options import size_in_bytes
 from experiments.common.table import Table, number
 from experiments.simulate.options import GroundOptions
@@ -23,6 +22,8 @@ from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.source import ReadOptions, Source, read_source
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
+from trackslip.views.numbers import with_interval
+from trackslip.views.symbols import printed_unit
 
 _METRICS: Final = {
     "v": ("v, rms", 1e3, 1, "mm/s"),

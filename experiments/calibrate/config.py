@@ -60,12 +60,22 @@ EXAMPLES: Final = (
     ("to the paper's slips and radii", "trackslip calibrate"),
     (
         "to a log, each half predicted from the other",
-        "trackslip calibrate --target log.csv --robot husky --folds 2",
+        "trackslip calibrate --target log.csv --robot husky --folds 2 --out out/halves",
     ),
     (
         "to commands, with the lag of the servos",
-        "trackslip calibrate --target log.csv --free friction_ratio lag clock",
+        "trackslip calibrate --target log.csv --free lag clock --out out/lag",
     ),
+)
+ESSENTIAL: Final = (
+    "target",
+    "free",
+    "robot",
+    "ground.source",
+    "folds",
+    "out",
+    "overwrite",
+    "gear",
 )
 
 

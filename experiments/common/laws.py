@@ -1,16 +1,11 @@
-"""How reports show slip laws: name, colour, line style, formula, and the symbols and units of the
-parameters.
-"""
+"""How reports show slip laws: name, colour, line style and formula."""
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from experiments.common.colours import BLACK, BLUE
-from experiments.common.table import Cell, number
+from experiments.common.table import Cell
 from trackslip.identification.drive_comparison import TODAY
-from trackslip.identification.path import EXTRAS
 from trackslip.laws.families import DIFF_DRIVE, FAMILIES, GAINS
 
 
@@ -72,24 +67,6 @@ _OTHERS: Final = {
     "robot": Look("the simulated robot", "#007A5A", (0, (6, 2, 1, 2, 1, 2))),
     "calibrated": Look("the simulated robot, fitted", "#1a1a1a", (0, (9, 1))),
 }
-_TRACKS: Final = ("outer", "inner", "left", "right")
-_EXTRA_SYMBOLS: Final = {
-    "sensor_x": "X",
-    "sensor_y": "Y",
-    "drift": "c",
-    "clock_offset": "τ",
-    "sensor_yaw": "ψ",
-    "lag": "T",
-    "gyro_bias": "β",
-    "gyro_scale": "κ",
-}
-_PRINTED: Final = {
-    "m": (1e3, "mm"),
-    "s": (1e3, "ms"),
-    "rad": (math.degrees(1.0), "°"),
-    "rad/s": (math.degrees(1.0), "°/s"),
-}
-_MAX_DIGITS: Final = 4  # largest number of decimals
 
 
 def law_looks() -> dict[str, Look]:
@@ -106,62 +83,8 @@ def shown(name: str) -> Look:
     return replace(law_looks().get(name, Look(name)), label=name)
 
 
-def symbol(law: str, parameter: str) -> str:
-    """Symbol for a parameter of a law or a drive, such as "α outer" for alpha_outer; its name if it
-    has no symbol.
-    """
-    parameters = FAMILIES[law].parameters
-    track = parameter.rpartition("_")[2]
-    if parameter not in parameters:
-        return _EXTRA_SYMBOLS[parameter] or parameter
-    letter = parameters[parameter].symbol
-    text = f"{letter} {track}" if track in _TRACKS else letter
-    return text.strip() or parameter
-
-
 def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
     """A table cell for a law: its name and, on a page, its description and formula."""
     look = law_looks().get(name, Look(name))
     lines = (look.label, *look.formula) if formula else ()
     return Cell(name, lines=lines, mark="best" if best else "")
-
-
-def unit_of(law: str, parameter: str) -> tuple[float, str]:
-    """Factor from SI and printed unit for a parameter of a law or a drive: mm, ms, °, or % for
-    relative errors.
-    """
-    if parameter.startswith(("radius_error", "gyro_scale")):
-        return 1e2, "%"
-    known = EXTRAS if parameter in EXTRAS else FAMILIES[law].parameters
-    return printed_unit(known[parameter].unit)
-
-
-def printed_unit(unit: str) -> tuple[float, str]:
-    """Factor from an SI unit to the printed unit (mm, ms or °), and the printed unit."""
-    return _PRINTED.get(unit, (1.0, unit))
-
-
-def with_interval(
-    value: float,
-    ends: Sequence[float] | None,
-    unit: tuple[float, str] = (1.0, ""),
-    *,
-    why_none: str,
-) -> str:
-    """Format a value with its 95 % interval, rounded to two significant digits of the half-width.
-
-    `unit` is the factor from SI and the name of the printed unit. If `ends` is None or NaN,
-    `why_none` stands in place of the interval.
-    """
-    factor, name = unit
-    low, high = (math.nan, math.nan) if ends is None else (factor * end for end in ends)
-    half_width = (high - low) / 2
-    if not math.isfinite(half_width):
-        text = f"{factor * value:.4g} {name}".rstrip().replace("-", "−")
-        return f"{text} ({why_none})"
-    digits = _MAX_DIGITS
-    if half_width > 0:
-        two_significant = 1 - math.floor(math.log10(half_width))
-        digits = min(_MAX_DIGITS, max(0, two_significant))
-    text = number(factor * value, digits, name)
-    return f"{text} ({number(low, digits)} to {number(high, digits)})"

@@ -4,7 +4,6 @@ localization methods.
 
 import contextlib
 import functools
-import importlib
 import inspect
 import json
 import math
@@ -18,7 +17,15 @@ from sim.policy import PolicyController, TrackingPolicy, policy_file
 from sim.robot.robot import Robot
 from trackslip.controllers.base import Controller
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.errors import InvalidValueError, TrackslipError, require, require_finite
+from trackslip.errors import (
+    InvalidValueError,
+    TrackslipError,
+    did_you_mean,
+    one_of,
+    require,
+    require_finite,
+)
+from trackslip.inputs import import_own
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.file import SHIPPED
 from trackslip.localization.line import LineLocator
@@ -27,6 +34,8 @@ from trackslip.localization.pose_estimate import Locator
 from trackslip.online.compensation import Compensation, named_compensation
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
+from trackslip.trajectory.path import LIMITS, MotionLimits
+from trackslip.trajectory.waypoints import TOLERANCE
 
 _POLICY: Final = "ppo:"
 # constructor parameters set from the robot
@@ -35,16 +44,30 @@ _MARGIN: Final = 0.98  # fraction of the top speed that controllers may use
 
 
 @functools.lru_cache(maxsize=64)
-def reference(name: str) -> Reference:
-    """A reference by name or from a file; raises TrackslipError if `name` is neither."""
-    return load_reference(name)
+def reference(name: str, limits: MotionLimits = LIMITS, tolerance: float = TOLERANCE) -> Reference:
+    """A reference by name, or from a file with limits and a tolerance [m]; raises TrackslipError if
+    `name` is neither.
+    """
+    return load_reference(name, limits, tolerance)
 
 
 def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:
     """A new compensation by name, using the laws in a file, by default those shipped with
     trackslip.
+
+    MODULE:LAW is a law of the user, whose module adds it to FAMILIES. Raises InvalidValueError for
+    an unknown name, and for a module that can't be imported.
     """
-    return named_compensation(name, robot, laws or SHIPPED)
+    module, _, law = name.rpartition(":")
+    if module:
+        find_own_modules()
+        try:
+            import_own(module)
+        except (Exception, SystemExit) as error:  # anything from a user's module
+            why = f"{type(error).__name__}: {error}"
+            allowed = f"MODULE:LAW with a module that can be imported ({why})"
+            raise InvalidValueError("compensation", name, allowed) from error
+    return named_compensation(law, robot, laws or SHIPPED)
 
 
 def controller(
@@ -126,11 +149,10 @@ def _constructor(
     else:
         attribute, colon, given = given.partition(":")
         if not base or not attribute:
-            raise InvalidValueError(
-                "controller", name, f"one of {', '.join(CONTROLLERS)}, ppo:FOLDER or MODULE:CLASS"
-            )
+            others = ", ppo:FOLDER or MODULE:CLASS"
+            raise InvalidValueError("controller", name, one_of(CONTROLLERS, name, others))
         find_own_modules()
-        make = getattr(importlib.import_module(base), attribute)
+        make = getattr(import_own(base), attribute)
     return make, inspect.signature(make).parameters, given if colon else None
 
 
@@ -143,8 +165,9 @@ def _errors_of(name: str) -> Iterator[None]:
         raise
     except (Exception, SystemExit) as error:
         why = f"{type(error).__name__}: {error}"
+        meant = did_you_mean(name.partition(":")[0], CONTROLLERS)
         raise InvalidValueError(
-            "controller", name, f"MODULE:CLASS that can be imported and called ({why})"
+            "controller", name, f"MODULE:CLASS that can be imported and called ({why}){meant}"
         ) from error
 
 

@@ -18,8 +18,15 @@ from typing import Any, Final
 
 from experiments.common.plain_json import plain
 from trackslip.files import FORMAT
+from trackslip.inputs import content_digest, recording
 from trackslip.logs.runlog import RunLog
 
+CODE: Final = tuple(
+    Path(__file__).parents[2] / package for package in ("trackslip", "sim", "experiments", "models")
+)
+"""The folders of trackslip's code."""
+RECORDING: Final = "recording"
+"""Key of a manifest with the id of the recording of its inputs."""
 _PACKAGES: Final = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib")
 
 
@@ -37,8 +44,15 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
         "versions": versions(),
         "platform": platform.platform(),
         "git": _git_state(),
+        **_recording_id(),
         **plain(more),
     }
+
+
+def _recording_id() -> dict[str, str]:
+    """The id of what records the files that are read, by which a stored result finds its run."""
+    inputs = recording()
+    return {} if inputs is None else {RECORDING: inputs.id}
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
@@ -67,6 +81,16 @@ def versions() -> dict[str, str | None]:
     return installed
 
 
+@functools.cache
+def code_digest() -> str:
+    """A hash of trackslip's code: its version, for those who don't change it."""
+    files = [file for folder in CODE for file in folder.rglob("*") if file.is_file()]
+    contents = {
+        str(file): content_digest(file) for file in files if "__pycache__" not in file.parts
+    }
+    return digest(contents)
+
+
 def command_line(command: str) -> str:
     """The command line as the user typed it."""
     return shlex.join(["trackslip", *(sys.argv[1:] or [command])])
@@ -79,7 +103,7 @@ def digest(value: Any) -> str:
 
 def content(path: Path) -> str | None:
     """SHA-256 of a file; None if there is no file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+    return content_digest(path) if path.is_file() else None
 
 
 @functools.cache

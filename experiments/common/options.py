@@ -187,6 +187,16 @@ class ResultsOptions(Options):
     )
     """Replace the results in the output folder."""
 
+    @property
+    def stores_results(self) -> bool:
+        """Whether the command writes results, and doesn't only print."""
+        return True
+
+    @property
+    def runs_anew(self) -> bool:
+        """Whether the command runs even if results with these options are stored."""
+        return self.overwrite
+
 
 def bounds_of(options: type) -> Iterator[tuple[str, Bound]]:
     """The bounds on the options in a class, each with the option's name."""

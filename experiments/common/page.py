@@ -16,11 +16,13 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from experiments.common import zoom
+from experiments.common.chart import Chart
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
 from experiments.common.table import MISSING, Table
 
-# a figure, several figures to show side by side if there is room, or none
-Drawing = Figure | Sequence[Figure] | None
+# a figure, several figures to show side by side if there is room, or none; charts zoom on the page
+Drawing = Figure | Chart | Sequence[Figure | Chart] | None
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,8 @@ class Drawn:
     """Contents of a PDF file, if one was drawn."""
     is_narrow: bool = False
     """True for a single panel, which is not stretched to the page's width."""
+    live: Markup | None = None
+    """The chart that replaces the figure on the page, for `zoom.LOADER`; None for a figure."""
 
     @property
     def inline(self) -> Markup:
@@ -55,17 +59,22 @@ class Drawn:
             (folder / f"{self.name}.pdf").write_bytes(self.pdf)
 
 
-def drawn(name: str, figure: Figure, pdf: bool = False) -> Drawn:
-    """Draw a figure as SVG and, with `pdf`, also as PDF."""
+def drawn(name: str, drawing: Figure | Chart, pdf: bool = False) -> Drawn:
+    """Draw a figure or chart as SVG and, with `pdf`, also as PDF."""
+    if isinstance(drawing, Chart):
+        live = zoom.zoomable(drawing)
+        figure = drawing.figure()
+    else:
+        live = None
+        figure = drawing
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path", "pdf.fonttype": 42}):
         svg = io.BytesIO()
         pages = io.BytesIO()
         figure.savefig(svg, format="svg", metadata={"Date": None})
         if pdf:
             figure.savefig(pages, format="pdf", metadata={"CreationDate": None})
-    return Drawn(
-        name, svg.getvalue().decode(), pages.getvalue(), is_narrow=figure.get_figwidth() < 6.0
-    )
+    is_narrow = figure.get_figwidth() < 6.0
+    return Drawn(name, svg.getvalue().decode(), pages.getvalue(), is_narrow, live)
 
 
 @dataclass(frozen=True)
@@ -90,12 +99,16 @@ def drawn_plot(plot: Plot, pdf: bool = False) -> tuple[Drawn, ...]:
     figure = plot.figure() if callable(plot.figure) else plot.figure
     if figure is None:
         return ()
-    if isinstance(figure, Figure):
+    if isinstance(figure, Figure | Chart):
         return (drawn(plot.name, figure, pdf),)
-    return tuple(
-        drawn(f"{plot.name}_{file_name(part.axes[0].get_title(loc='left'))}", part, pdf)
-        for part in figure
-    )
+    return tuple(drawn(f"{plot.name}_{file_name(_title(part))}", part, pdf) for part in figure)
+
+
+def _title(drawing: Figure | Chart) -> str:
+    """The title of a figure's first axes, or of a chart."""
+    if isinstance(drawing, Chart):
+        return drawing.title
+    return drawing.axes[0].get_title(loc="left")
 
 
 @dataclass(frozen=True)
@@ -209,10 +222,14 @@ class Page:
             is_unset_option = value == MISSING and name.startswith("config.")
             if not is_unset_option:
                 manifest.append((name, value))
+        if figures is None:
+            figures = self._figures()
+        is_live = any(part.live for parts in figures.values() for part in parts)
         return _template().render(
             vars(self),
             sections=[section for section in self.sections if section],
-            figures=self._figures() if figures is None else figures,
+            figures=figures,
+            scripts=[zoom.library(), zoom.LOADER] if is_live else [],
             conditions=conditions(self.manifest, self.command),
             manifest=manifest,
         )

@@ -15,12 +15,14 @@ from experiments.common.streams import printable
 
 _PAUSE: Final = 60.0  # time between lines in a log [s]
 
+SIMULATED: Final = "s simulated"
+"""Unit of simulated time, which is not the time that the computation takes."""
 Advance = Callable[[float], None]  # called with the amount done since the last call
 
 
 @contextmanager
 def progress(
-    stage: str, total: float | None, unit: str = "s", done: float = 0.0
+    stage: str, total: float | None, unit: str = SIMULATED, done: float = 0.0
 ) -> Iterator[Advance]:
     """Show a stage's progress, by default in simulated seconds; `done` is the amount done before
     the block.
@@ -52,6 +54,9 @@ def _logged(stage: str, total: float | None, unit: str, done: float) -> Advance:
         done += passed
         if time.monotonic() - shown > _PAUSE:
             shown = time.monotonic()
-            print(f"{stage}: {done:.0f}/{total or 0:.0f} {unit}", file=sys.stderr, flush=True)
+            amount = f"{done:.0f} {unit}"
+            if total:
+                amount = f"{done:.0f} of {total:.0f} {unit} ({done / total:.0%})"
+            print(f"{stage}: {amount}", file=sys.stderr, flush=True)
 
     return advance

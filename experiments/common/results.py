@@ -1,6 +1,7 @@
 """Writing of results: single files, each written completely or not at all, and bags."""
 
 import contextlib
+import filecmp
 import itertools
 import os
 import re
@@ -72,32 +73,52 @@ def write_whole(file: Path, write: Callable[[Path], object]) -> None:
     """Let `write` fill a draft next to `file`, and move the draft into place; a failure leaves
     nothing behind.
     """
-    # not named after the file, whose name may be as long as a file system allows
-    draft = file.with_name(f".draft-{os.getpid()}-{next(_drafts)}")
-    with new_folders(file.parent), temporary(draft):
+    with new_folders(file.parent), temporary(_draft_of(file)) as draft:
         write(draft)
         draft.replace(file)
+
+
+def _draft_of(file: Path) -> Path:
+    """A draft beside a file, not named after it: a name may be as long as a file system allows."""
+    return file.with_name(f".draft-{os.getpid()}-{next(_drafts)}")
 
 
 def write_output(file: Path, write: Callable[[Path], object]) -> None:
     """Write or replace a file named by the user; raises OutputError if it can't be written or isn't
     a regular file.
     """
-    with output_errors(str(file)):
-        if file.is_symlink():
-            raise OutputError(f"{file}: can't be replaced (it is a symbolic link)")
-        if file.exists() and not file.is_file():
-            raise OutputError(f"{file}: can't be replaced (it is not a regular file)")
-        write_whole(file, write)
+    write_outputs({file: write}, overwrite=True)
 
 
-def require_new(file: Path, overwrite: bool) -> None:
-    """Raise OutputError if a file that the user has named exists, and `overwrite` is False, or
-    can't exist.
+def write_outputs(writers: Mapping[Path, Callable[[Path], object]], overwrite: bool) -> None:
+    """Write files named by the user, all or none; each of the `writers` gets the path of a draft.
+
+    Without `overwrite`, a file that exists must have the content that would be written, and stays.
+    Raises OutputError otherwise, and for a file that can't be written or isn't a regular file.
     """
-    with output_errors(str(file)):
-        if file.exists() and not overwrite:
-            raise OutputError(f"{file}: exists already; --overwrite replaces it")
+    with contextlib.ExitStack() as stack:
+        drafts = {}
+        for file, write in writers.items():
+            stack.enter_context(output_errors(str(file)))
+            _require_replaceable(file)
+            stack.enter_context(new_folders(file.parent))
+            drafts[file] = stack.enter_context(temporary(_draft_of(file)))
+            write(drafts[file])
+        for file, draft in drafts.items():
+            if file.exists() and not overwrite and not filecmp.cmp(file, draft, shallow=False):
+                raise OutputError(
+                    f"{file}: exists already, with other content; --overwrite replaces it"
+                )
+        for file, draft in drafts.items():
+            draft.replace(file)
+
+
+def _require_replaceable(file: Path) -> None:
+    """Raise OutputError if something other than a regular file has a file's name."""
+    if file.is_symlink():
+        raise OutputError(f"{file}: can't be replaced (it is a symbolic link)")
+    if file.exists() and not file.is_file():
+        raise OutputError(f"{file}: can't be replaced (it is not a regular file)")
 
 
 def file_names(names: Sequence[str], ending: str = "") -> list[str]:

@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from experiments.common.leftovers import temporary, undone
+from experiments.common.manifest import RECORDING
 from experiments.common.results import new_folders, output_errors
 from trackslip.errors import OutputError
 from trackslip.files import read_manifest
@@ -17,11 +18,14 @@ from trackslip.replacement import (
     DRAFT_FILE,
     LOCK,
     MANIFEST,
+    MOVING,
     STORE,
+    amend,
     begin,
     commit,
     complete,
     discard,
+    discard_abandoned,
     is_ours,
     is_stored_file,
     listed_files,
@@ -51,12 +55,44 @@ def results_folder(
         _require_lockable(out)
         with locked(out, what), temporary(out / LOCK):
             complete(out)
+            discard_abandoned(out)
             replaced = _old_results(out, overwrite, resumed)
             with undone(partial(_tidy, out)):
                 draft = begin(out, replaced)
                 yield draft
                 if (draft / MANIFEST).exists():
                     commit(out)
+
+
+def manifest_of(out: Path) -> Mapping[str, Any]:
+    """The manifest of the results in a folder; empty if there are none.
+
+    What a killed command left is completed or deleted before. Raises OutputError as
+    `results_folder` does if that isn't possible, and LogError for a damaged manifest.
+    """
+    if not out.is_dir() or not ((out / MANIFEST).is_file() or is_ours(out / MOVING)):
+        return {}
+    what = f"out = {str(out)!r}"
+    with output_errors(what):
+        _require_lockable(out)
+        with locked(out, what), temporary(out / LOCK):
+            complete(out)
+            discard_abandoned(out)
+            return read_manifest(out)
+
+
+def amend_manifest(out: Path, recording: str, added: Mapping[str, Any]) -> None:
+    """Add entries to the manifest of a run's results, if it has the id of this `recording`:
+    otherwise another command has replaced them, or none were written.
+
+    Raises OutputError if it can't be written.
+    """
+    if not (out / MANIFEST).is_file():
+        return
+    with output_errors(str(out)), locked(out, str(out)), temporary(out / LOCK):
+        manifest = read_manifest(out)
+        if manifest.get(RECORDING) == recording:
+            amend(out, {**manifest, **added})
 
 
 def _tidy(out: Path) -> None:

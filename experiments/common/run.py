@@ -11,7 +11,7 @@ from typing import Any
 
 from experiments.common.manifest import make_manifest
 from experiments.common.plain_json import plain, write_json
-from experiments.common.progress import Advance, progress
+from experiments.common.progress import SIMULATED, Advance, progress
 from experiments.common.results import MANIFEST_FILE, SUMMARY_FILE, write_runs
 from experiments.common.results_folder import results_folder
 from sim.runs.stopwatch import Stopwatch
@@ -50,7 +50,7 @@ class Run:
         return progress(stage, None, "")
 
     def progress(
-        self, stage: str, total: float, unit: str = "s", done: float = 0.0
+        self, stage: str, total: float, unit: str = SIMULATED, done: float = 0.0
     ) -> AbstractContextManager[Advance]:
         """Show a stage's progress during a block, which calls the yielded function with each amount
         done.

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from experiments.common.results import TABLE_FILE
-from trackslip.errors import InvalidValueError, LogError
+from trackslip.errors import InvalidValueError, LogError, one_of
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table
 from trackslip.logs.schema import NO_UNIT, PURE, Column
@@ -60,7 +60,7 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
     for text in where:
         name, _, value = text.partition("=")
         if name not in axes:
-            raise InvalidValueError("where", text, f"NAME=VALUE with one of {', '.join(axes)}")
+            raise InvalidValueError("where", text, f"NAME=VALUE with {one_of(axes, name)}")
         there = list(dict.fromkeys(str(row[name]) for row in rows))
         rows = [row for row in rows if _is(row[name], value)]
         if not rows:

@@ -9,10 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from experiments.common.colours import BLACK, BLUE, GREY, ORANGE, SHADE
+from experiments.common.colours import BLUE, GREY, ORANGE, SHADE
 from experiments.common.laws import shown
 
 # colours of the tracks
@@ -37,15 +36,7 @@ STYLE: Final[dict[Any, Any]] = {
 # colour maps, and the fraction dark enough to see
 RADII_SHADES: Final = ("viridis", 0.6)
 SPEED_SHADES: Final = ("plasma", 0.6)
-_EDGES: Final = [withStroke(linewidth=5.2, foreground=GREY)]
-# road
-DESIRED: Final[dict[str, Any]] = {
-    "color": "#e3e3e3",
-    "lw": 3.6,
-    "solid_capstyle": "round",
-    "path_effects": _EDGES,
-}
-THEORY: Final[dict[str, Any]] = {"color": BLACK, "lw": 1.0}
+MARKERS: Final = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 
 # parts of a figure, drawn separately so that they stack on a narrow page
 Panels = tuple[Figure, ...]

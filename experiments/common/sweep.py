@@ -24,7 +24,7 @@ from experiments.common.progress import progress
 from experiments.common.results import write_whole
 from experiments.common.run import Run
 from sim.runs.loop import Progress
-from sim.runs.stopwatch import Stopwatch
+from sim.runs.stopwatch import StepTimes, Stopwatch
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.files import read_text
 from trackslip.logs.logfile import join_parquet, write_parquet
@@ -37,6 +37,9 @@ _EACH: Final = 4
 _LONG: Final = 2_000.0
 # longest simulated time of a fleet, summed over robots, whose logs fit into memory [s]
 _AT_ONCE: Final = 20_000.0
+
+STEPS: Final = "steps"
+"""Column with the `StepTimes` of a run that was timed. They differ each time that it is driven."""
 
 Row = dict[str, Any]
 """Data on a run by column: its name `run`, `id`, `error` (None unless the run failed), and
@@ -181,7 +184,10 @@ def drive_fleet(
 
     outcomes = _isolating(runs, drive)
     with watch.stage("measuring"):
-        rows = [_row(kind, run, outcome) for run, outcome in zip(runs, outcomes, strict=True)]
+        rows = [
+            _row(kind, run, outcome, watch.steps.get(run.name))
+            for run, outcome in zip(runs, outcomes, strict=True)
+        ]
     with watch.stage("storing"):
         file = io.BytesIO()
         logs = [outcome for outcome in outcomes if isinstance(outcome, RunLog)]
@@ -205,8 +211,15 @@ def _isolating(
     return _isolating(runs[:middle], drive) + _isolating(runs[middle:], drive)
 
 
-def _row(kind: RunKind[RunT], run: RunT, outcome: RunLog | BaseException) -> Row:
+def _row(
+    kind: RunKind[RunT],
+    run: RunT,
+    outcome: RunLog | BaseException,
+    steps: Sequence[float] | None,
+) -> Row:
     about = {"run": run.name, "id": run.id, **run.axes, "error": None}
+    if steps:  # even of a run that failed
+        about[STEPS] = vars(StepTimes.of(steps))
     if isinstance(outcome, RunLog):
         return about | dict(kind.measure(run, outcome))
     reason = str(outcome)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -13,17 +12,8 @@ from rich.table import Table as RichTable
 
 from experiments.common.streams import printable
 from trackslip.kinematics import Array
-
-MISSING: Final = "–"
-
-
-def number(value: float | None, digits: int, unit: str = "") -> str:
-    """Format a number with `digits` decimals and its unit; MISSING for None, NaN and infinite
-    values.
-    """
-    if value is None or not math.isfinite(value):
-        return MISSING
-    return f"{value:.{digits}f} {unit}".rstrip().replace("-", "−")
+from trackslip.views.numbers import MISSING as MISSING
+from trackslip.views.numbers import number as number
 
 
 def significant(value: float | None, unit: str = "", digits: int = 2) -> str:

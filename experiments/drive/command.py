@@ -1,6 +1,7 @@
 """`trackslip drive`: drive a tracked robot over a course."""
 
 from dataclasses import replace
+from typing import Final
 
 from experiments.common.manifest import command_line
 from experiments.common.results import (
@@ -12,8 +13,10 @@ from experiments.common.results import (
 )
 from experiments.common.run import Run
 from experiments.drive.config import Config
-from sim.engine.opengl import prefer_egl
+from sim.engine.opengl import may_draw, prefer_egl
 from trackslip.errors import TrackslipError, counted
+
+_USUAL: Final = 3  # number of pictures unless the option names another
 
 
 def check_robot(source: str) -> None:
@@ -31,7 +34,10 @@ def run(config: Config) -> None:
     if config.check:
         check_robot(config.robot)
         return
-    if config.pictures:
+    count = config.pictures
+    if count is None:
+        count = _USUAL if may_draw() else 0
+    if count:
         prefer_egl()  # before the modules below import MuJoCo, which then chooses its OpenGL
 
     from experiments.drive.course import drive_course
@@ -68,7 +74,13 @@ def run(config: Config) -> None:
         with run.busy("recording"):
             record_course_drive(run.folder / RECORDINGS_FOLDER / DRIVE_RECORDING, drive, looks)
         with run.busy("pictures"):
-            pictures = write_pictures(run.folder / PICTURES_FOLDER, drive, looks, config.pictures)
+            pictures = []
+            try:
+                pictures = write_pictures(run.folder / PICTURES_FOLDER, drive, looks, count)
+            except TrackslipError as error:
+                if config.pictures is not None:
+                    raise
+                notes.append(f"there are no pictures, as {error}")
         reply = answer(drive, result, config.out, notes)
         table = tracks_table(result)
         page(drive, reply, table, manifest, command_line("drive"), pictures).write(run.folder)

@@ -24,14 +24,31 @@ EXAMPLES: Final = (
     ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
     (
         "slowly over a step, with pictures",
-        "trackslip drive --course step10 --speed 0.1 --pictures 8",
+        "trackslip drive --course step10 --speed 0.1 --pictures 8 --out out/step10",
     ),
-    ("your own robot and course", "trackslip drive --robot r.toml --course c.toml"),
+    ("your own robot and course", "trackslip drive --robot r.toml --course c.toml --out out/own"),
     (
         "over a rail as in FTR-Bench, scaled to the robot",
-        "trackslip drive --course rails --difficulty 0.8",
+        "trackslip drive --course rails --difficulty 0.8 --out out/rails",
     ),
-    ("by a trained policy", "trackslip drive --course steps_up --policy out/train"),
+    (
+        "by a trained policy",
+        "trackslip drive --course steps_up --policy out/train --out out/steps_up",
+    ),
+)
+ESSENTIAL: Final = (
+    "robot",
+    "course",
+    "speed",
+    "turn",
+    "path",
+    "flippers",
+    "duration",
+    "policy",
+    "pictures",
+    "check",
+    "out",
+    "overwrite",
 )
 
 FLIPPERS: Final = {"up": (1.2, 1.2), "down": (0.0, 0.0), "reflex": None}
@@ -78,7 +95,9 @@ class Config(ResultsOptions):
     """Policy from train --env traverse that drives the robot: its .npz file, or the folder with
     that file.
     """
-    pictures: Annotated[int, Whole(0, 1000)] = 0
+    pictures: Annotated[int | None, Whole(0, 1000), default_is("3 where OpenGL works", "INT")] = (
+        None
+    )
     """Number of pictures to write to OUT/pictures, spread evenly over the run."""
     check: bool = False
     """Print the robot's properties and all errors in its description, instead of driving."""
@@ -106,6 +125,11 @@ class Config(ResultsOptions):
         if self.path is not None and self.speed is not None:
             require_positive("speed", self.speed)
         self.flipper_angles()
+
+    @property
+    def stores_results(self) -> bool:
+        """Whether the robot drives, and isn't only checked."""
+        return not self.check
 
     def flipper_angles(self) -> tuple[float, float] | None:
         """Front and rear flipper angles, positive with the tips up [rad]; None for reflex."""

@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.markers import TICKLEFT, TICKRIGHT
 
+from experiments.common.chart import WIDE, Chart, Curve
 from experiments.common.colours import BLUE, GREY, ORANGE
 from experiments.common.page import Answer, Page, Pictures, Plot, Section
 from experiments.common.results import PICTURES_FOLDER
-from experiments.common.style import styled, thin
+from experiments.common.style import thin
 from experiments.common.table import Table, number, pair, percent
 from experiments.drive.course import DrivenCourse
+from trackslip.kinematics import Array
 
 SENTENCES: Final = {
     "reached": "It crossed the course",
@@ -33,10 +33,12 @@ _TABLE_NOTE: Final = (
     "belt holds the robot back."
 )
 _SLIP_CAPTION: Final = (
-    "Every tick is a row of the run. The slope is that of the line that best fits the ground "
-    "under the tracks, positive uphill; slip is positive where the belt runs ahead. The recording "
-    "has slip, loads and attitude over time."
+    "Means over pieces of the path, weighted by the distance that the belt runs; positive where "
+    "the belt runs ahead of the ground, with gaps where the track is in the air. The recording has "
+    "slip, loads and attitude over time."
 )
+_PIECES: Final = 150  # number of pieces of the path over which slip is averaged
+_SHORTEST: Final = 0.01  # length of the shortest piece [m]
 
 
 def page(
@@ -52,7 +54,9 @@ def page(
     shown = [f"{PICTURES_FOLDER}/{file.name}" for file in pictures[::stride]]
     gallery = Pictures(shown, "The robot on the course") if shown else None
     profile = Plot("drive_profile", _profile(run), "Path of the chassis")
-    slip = Plot("drive_slip_over_slope", _slip_over_slope(run), "Slip against slope", _SLIP_CAPTION)
+    slip = Plot(
+        "drive_slip_over_distance", slip_over_distance(run), "Slip over distance", _SLIP_CAPTION
+    )
     return Page(
         title=f"{run.robot.name} on {manifest['config']['course']}",
         command=command,
@@ -134,42 +138,53 @@ def _track_row(track: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-@styled
-def _profile(run: DrivenCourse) -> Figure:
+def _profile(run: DrivenCourse) -> Chart:
     """The ground along the course, and the path of the chassis' frame over it."""
-    figure = Figure(figsize=(9.0, 2.6), layout="constrained")
-    axes = figure.subplots()
-    position = run.state.position
+    shown = thin(len(run.time), 1500)
+    position = run.state.position[shown]
     course = run.course
     low, high = course.bounds[:, 0]
     x = np.linspace(low, high, 2000)
     height = course.height(x, np.zeros_like(x))
-    axes.fill_between(x, height, course.floor, facecolor=_EARTH, lw=0, label="ground at y = 0")
-    axes.plot(position[:, 0], position[:, 2], color=BLUE, lw=1.2, label="chassis")
-    axes.axvline(run.goal, color=GREY, lw=0.8, ls="--", label="end of the course")
-    axes.set(xlabel="x [m]", ylabel="z [m]", xlim=(low, high))
-    figure.legend(ncols=3, loc="outside upper left")
-    return figure
+    ends = np.array([float(course.floor), float(height.max())])
+    curves = [
+        Curve(x, height, "ground at y = 0", _EARTH, floor=float(course.floor)),
+        Curve(position[:, 0], position[:, 2], "chassis", BLUE, 1.2),
+        Curve(np.full(2, run.goal), ends, "end of the course", GREY, 0.8, "--"),
+    ]
+    return Chart("", "x [m]", "z [m]", curves, 2.6, WIDE, xlim=(float(low), float(high)))
 
 
-@styled
-def _slip_over_slope(run: DrivenCourse) -> Figure:
-    """Slip of the chassis' tracks against the slope of the ground under them."""
-    figure = Figure(figsize=(5.4, 3.2), layout="constrained")
-    axes = figure.subplots()
-    shown = thin(len(run.time), 1500)
-    slope = np.degrees(run.slope[shown])
-    slip = run.contact.slip[shown]
-    tick: dict[str, Any] = {"ls": "", "alpha": 0.5}
-    axes.plot(slope, slip[:, 0], marker=TICKLEFT, color=BLUE, label="left", **tick)
-    axes.plot(slope, slip[:, 1], marker=TICKRIGHT, color=ORANGE, label="right", **tick)
-    axes.axhline(0, color=GREY, lw=0.8)
-    axes.set(xlabel="slope of the ground along the robot [deg]", ylabel="slip [-]")
-    known = run.contact.slip[np.isfinite(run.contact.slip)]
-    if known.size:  # without the rarest slips, from belts that hardly move
-        low, high = np.quantile(known, (0.01, 0.99))
-        axes.set_ylim(low - 0.05, high + 0.05)
-    legend = figure.legend(ncols=2, loc="outside upper left", handlelength=0.8)
-    for entry in legend.get_lines():
-        entry.set(alpha=1.0, markersize=8.0, markeredgewidth=3.0)
-    return figure
+def slip_over_distance(run: DrivenCourse) -> Chart | None:
+    """Slip of the chassis' tracks over the distance driven; None for a robot that stays in place.
+
+    The path is cut into pieces of equal length. The slip in a piece is the mean of the slips in its
+    rows, weighted by the distance that the belt runs, as in the table.
+    """
+    steps = np.diff(run.state.position[:, :2], axis=0, prepend=run.state.position[:1, :2])
+    distance = np.hypot(steps[:, 0], steps[:, 1]).cumsum()
+    length = float(distance[-1])
+    pieces = min(_PIECES, int(length / _SHORTEST))
+    if pieces < 2:
+        return None
+    piece = np.minimum((distance / length * pieces).astype(int), pieces - 1)
+    middle = (np.arange(pieces) + 0.5) * length / pieces
+    curves = []
+    for name, colour, track in zip(("left", "right"), (BLUE, ORANGE), run.sides, strict=True):
+        slip = _mean_per_piece(
+            run.contact.slip[:, track], run.contact.belt[:, track], piece, pieces
+        )
+        curves.append(Curve(middle, slip, f"{name} track", colour, 1.2))
+    return Chart("", "distance driven [m]", "slip [–]", curves, 2.6, WIDE, has_zero=True)
+
+
+def _mean_per_piece(slip: Array, belt: Array, piece: np.ndarray, pieces: int) -> Array:
+    """Means (pieces,) of slips (R,), weighted by the speed of the belt (R,), where they are known;
+    `piece` (R,) numbers the piece of each row.
+    """
+    known = np.isfinite(slip)
+    weight = np.where(known, np.abs(belt), 0.0)
+    weighted = weight * np.where(known, slip, 0.0)
+    whole = np.bincount(piece, weight, pieces)
+    total = np.bincount(piece, weighted, pieces)
+    return np.divide(total, whole, out=np.full(pieces, np.nan), where=whole > 0)

@@ -24,10 +24,10 @@ def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: 
     files = [folder / f"{number:03d}_{run.time[row]:.1f}s.png" for number, row in enumerate(rows)]
     if not files:
         return []
-    folder.mkdir(parents=True, exist_ok=True)
     data = mujoco.MjData(looks.model)
     view = RobotLooks.of(looks)
     pictures = Pictures(looks.model, *_SIZE)
+    folder.mkdir(parents=True, exist_ok=True)
     climbed = run.state.position[:, 2] - run.state.position[0, 2]
     for file, row in zip(files, rows, strict=True):
         place(data, run.state.qpos[row])

@@ -25,10 +25,11 @@ from sim.traverse.policy import reflex
 from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit
-from trackslip.errors import require
+from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.trajectory.path import MotionLimits
-from trackslip.trajectory.waypoints import read_waypoints
+from trackslip.trajectory.turns import turns_of
+from trackslip.trajectory.waypoints import TOLERANCE_SHARE, read_waypoints
 
 SAMPLE: Final = 0.004  # time between changes of the belts' speeds [s]
 ACCELERATION: Final = 2.0  # acceleration at both ends of a path [m/s^2]
@@ -159,7 +160,11 @@ class PathDriver:
         limits = MotionLimits(
             speed, ACCELERATION, speed / half_gauge, track_speed=speed, half_gauge=half_gauge
         )
-        self.reference = read_waypoints(path, limits)
+        self.reference = read_waypoints(path, limits, TOLERANCE_SHARE * half_gauge)
+        turns = turns_of(self.reference)
+        if turns:
+            allowed = f"without the turn on the spot at {turns[0]}: pure pursuit can't turn there"
+            raise InvalidValueError("path", str(path), allowed)
         duration = self.reference.duration
         self._times = np.append(np.arange(PERIOD, duration, PERIOD), duration)
         self._points = self.reference.pose(self._times)[:, :2]

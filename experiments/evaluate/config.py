@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Final, Literal
 import tyro
 
 from experiments.calibrate.config import Parameter
+from experiments.common.log_names import refuse_same_logs
 from experiments.common.log_options import (
     Bag,
     BagOptions,
@@ -34,13 +35,33 @@ EXAMPLES: Final = (
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
     (
         "two laws on a ROS bag",
-        "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss",
+        "trackslip evaluate run.mcap --law out/mine --law out/mine:icr --out out/two",
     ),
     (
         "laws and a robot, fitted to the other half",
-        "trackslip evaluate log.csv --robot r.toml --folds 2 --free friction_ratio",
+        "trackslip evaluate log.csv --robot husky --folds 2 --free lag --out out/folds",
     ),
-    ("a data set with its bounds", "trackslip evaluate examples/logs/ice.toml"),
+    (
+        "a data set with its bounds",
+        "trackslip evaluate examples/logs/ice.toml --out out/reality_ice",
+    ),
+    (
+        "laws from two grounds on two logs",
+        "trackslip evaluate a.csv b.csv --law out/a --law out/b --out out/table",
+    ),
+)
+ESSENTIAL: Final = (
+    "logs",
+    "law",
+    "robot",
+    "ground.source",
+    "folds",
+    "free",
+    "half_gauge",
+    "sprocket_radius",
+    "sensor",
+    "out",
+    "overwrite",
 )
 MAX_FOLDS: Final = 10
 _SIZE: Final = default_is("the log's, the laws' or the robot's", "FLOAT")
@@ -56,9 +77,12 @@ class Config(ResultsOptions):
     with 1 if a bound is exceeded.
     """
 
-    path: tyro.conf.Positional[Path]
+    logs: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(metavar="LOG [LOG ...]", help_behavior_hint="(required)"),
+    ]
     """A .csv or .parquet log, a ROS bag, a folder with a drive, a grid or bags, or a data set's
-    .toml file.
+    .toml file. Several logs give a table of errors, model by log.
     """
     law: Annotated[
         tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "LAW")
@@ -124,5 +148,6 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        refuse_same_logs(self.logs)
         require(len(set(self.law)) == len(self.law), "law", self.law, "all different")
         check_sensor(self.sensor, "turning centre")

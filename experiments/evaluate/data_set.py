@@ -58,7 +58,7 @@ class DataSet:
         parameters = get_args(Parameter)
         for name in self.free:
             require(name in parameters, "free", name, f"one of {', '.join(parameters)}")
-        self.options(Config(self.log))
+        self.options(Config((self.log,)))
 
     def options(self, config: Config) -> Config:
         """`config` with the options in the data set; raises InvalidValueError for an option that
@@ -71,11 +71,11 @@ class DataSet:
             "free": self.free or None,
             "folds": self.folds,
         }
-        defaults = Config(config.path)
+        defaults = Config(config.logs)
         for name in stated:
             default = getattr(defaults, name)
             refuse_changed(name, getattr(config, name), default, "with a data set, which states it")
-        return replace(config, path=self.log, **stated)
+        return replace(config, logs=(self.log,), **stated)
 
     def checks(self, predictions: Sequence[Prediction]) -> list[Check]:
         """A check for each bound."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -24,9 +25,9 @@ _TIME: Final = np.linspace(0.0, 1.0, 11)
 """Times in the drives that represent steady samples [s]."""
 
 
-def read_log(config: Config, known: RobotGeometry | None) -> Source:
-    """Read the drives that the options name, with the `known` geometry if neither log nor options
-    state one.
+def read_log(config: Config, log: Path, known: RobotGeometry | None) -> Source:
+    """Read the drives in a `log`, with the `known` geometry if neither log nor options state
+    one.
     """
     reading = ReadOptions(
         half_gauge=config.half_gauge,
@@ -37,7 +38,7 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
         layout=config.table.layout(config.half_gauge, config.sprocket_radius),
         max_memory=size_in_bytes("max_memory", config.max_memory),
     )
-    source = read_log_of(config.path, reading, known)
+    source = read_log_of(log, reading, known)
     drives: Sequence[RunLog] = source.logs or _windows(source.sampling.samples)
     notes = [*source.notes, *map(str, source.refused)]
     # before drives are cut, so that the bias of a gyro is that of the whole drive

@@ -19,7 +19,7 @@ from sim.robot.named import load_parameters
 from sim.runs.log_replay import Replayer
 from trackslip.drives.conditioning import drives_of
 from trackslip.drives.first_look import Look, first_look
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, did_you_mean
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.law_fit import DriveFit, fit_drives
@@ -100,7 +100,10 @@ def stored_law(text: str, config: Config, geometry: RobotGeometry | None = None)
     file, _, name = (text, "", "") if os.path.exists(text) else text.rpartition(":")
     if not os.path.exists(file):  # unlike Path.exists, also False for names that are too long
         raise InvalidValueError(
-            "law", text, f"{NO_SLIP}, a folder or file with laws, or with --folds a law of drives"
+            "law",
+            text,
+            f"{NO_SLIP}, a folder or file with laws, or with --folds a law of drives"
+            f"{did_you_mean(text, (NO_SLIP, *drive_laws()))}",
         )
     return identified_law(file, name or None, geometry)
 

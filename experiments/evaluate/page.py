@@ -10,8 +10,9 @@ import numpy as np
 
 from experiments.calibrate.calibration import parameter_table
 from experiments.common import style
+from experiments.common.chart import WIDE, Chart, dots, law_curve
 from experiments.common.check import Check, checks_table
-from experiments.common.colours import BLACK
+from experiments.common.colours import BLACK, GREY
 from experiments.common.laws import law_cell, shown
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.table import Cell, Table, number, percent, significant
@@ -27,12 +28,12 @@ _HEADER: Final = (
     "ahead",
     "model",
     "pairs",
-    "position",
-    "90 %",
-    "rms [m]",
-    "heading",
-    "90 %",
-    "rms [deg]",
+    "position [m]",
+    "90 % below",
+    "rms",
+    "heading [deg]",
+    "90 % below",
+    "rms",
     "rate",
 )
 _NOTE: Final = (
@@ -40,7 +41,7 @@ _NOTE: Final = (
     "or distance ahead. Errors contain the noise of both poses. Rates: mean errors over the time "
     "or the distance ahead."
 )
-_DOTS: Final = "Dots: medians. Lines: to the errors that 90 % stay below."
+_DOTS: Final = "Half of the errors are below the dot, 90 % of the errors below the end of the line."
 _BEGINS: Final = (
     "The drive that goes far and turns most. Every path begins at its first measured pose, "
     "or fits all positions."
@@ -75,14 +76,19 @@ class Report:
         errors = best.ahead(length, unit)
         assert errors is not None
         position, far, _, heading, turned, _ = _cells(errors)
-        facts = [
-            ("position, median and 90 %", f"{position} and {far} m"),
-            ("heading, median and 90 %", f"{heading}° and {turned}°"),
-        ]
         error = f"{position} m" if errors.position else f"{heading}°"
         title = f"Best after {length:g} {unit}: {best.model.label}, {error} off"
-        lines = [f"{line}." for line in (self._gain, self._verdict) if line]
-        answer = Answer(title, facts, lines, self.notes)
+        facts = []
+        if errors.position:
+            facts.append(("position", f"median {position} m, 90 % of errors below {far} m"))
+        if errors.heading:
+            facts.append(("heading", f"median {heading}°, 90 % of errors below {turned}°"))
+        alarms = []
+        if not all(check.holds for check in self.checks):
+            alarms = [self._verdict]
+            facts.insert(0, (f"best after {length:g} {unit}", f"{best.model.label}, {error} off"))
+        lines = [f"{line}." for line in (self._gain, self._verdict) if line not in ("", *alarms)]
+        answer = Answer(title, facts, lines, self.notes, alarms)
 
         drive = max(best.errors.trajectories, key=_extent)
         draw_errors = partial(_errors_ahead, self.predictions)
@@ -91,7 +97,7 @@ class Report:
             Plot("errors_ahead", draw_errors, "Errors of all models", _DOTS),
             Plot("paths", draw_paths, f"Paths of {drive.name}", _BEGINS),
         ]
-        sections = [Section("Errors", [*self._tables, *plots])]
+        sections = [Section("Errors", [*plots, *self._tables])]
         return Page(self.title, command, manifest, sections, [self.source], answer)
 
     @cached_property
@@ -122,7 +128,8 @@ class Report:
                 rate = _rate(errors, length, unit)
                 rows.append((ahead, name, pairs, *_cells(errors), rate))
                 ahead = ""
-        return Table("Errors: median, 90 % and rms", _HEADER, rows, "llr", _NOTE)
+        title = "Errors: median, the error that 90 % stay below, and rms"
+        return Table(title, _HEADER, rows, "llr", _NOTE)
 
     @property
     def _verdict(self) -> str:
@@ -190,7 +197,11 @@ def _errors_ahead(predictions: Sequence[Prediction]) -> style.Panels:
     quantiles.
     """
     _, length, unit = winner(predictions)
-    height = 0.9 + 0.28 * len(predictions)
+    height = 1.2 + 0.28 * len(predictions)
+    keys = [
+        style.key("median", color=GREY, marker="o", ls="none"),
+        style.key("up to 90 % of errors", color=GREY),
+    ]
     labels = [prediction.model.label for prediction in predictions]
     figures = []
     for what, sign, factor in (("position", "m", 1.0), ("heading", "°", degrees(1.0))):
@@ -206,21 +217,18 @@ def _errors_ahead(predictions: Sequence[Prediction]) -> style.Panels:
         style.log_ticks(axis.xaxis)
         axis.set_yticks(range(len(predictions)), labels)
         axis.set_ylim(len(predictions) - 0.5, -0.5)
+        style.legend_below(figure, keys)
         figures.append(figure)
     return tuple(figures)
 
 
-@style.styled
-def _paths(predictions: Sequence[Prediction], name: str) -> style.Panels:
+def _paths(predictions: Sequence[Prediction], name: str) -> Chart:
     """Measured and predicted paths of a drive."""
-    figure, axis = style.panel("Paths", "", "", 4.6)
     measured = predictions[0].drive(name).measured
     rows = style.thin(len(measured), 1500)
-    axis.plot(*measured[rows, :2].T, ".", color=BLACK, ms=4, mew=0, label="measured poses")
+    curves = [dots(measured[rows], "measured", BLACK)]
     for prediction in predictions:
         path = prediction.drive(name).placed[rows]
         model = prediction.model
-        axis.plot(path[:, 0], path[:, 1], label=model.label, **style.law_line(model.name))
-    style.plane(axis, adjustable="datalim")
-    style.legend_below(figure, axis.lines, ncols=2, handlelength=3.2)
-    return (figure,)
+        curves.append(law_curve(path[:, 0], path[:, 1], model.name, model.label))
+    return Chart("", "x [m]", "y [m]", curves, 5.4, WIDE, is_map=True)

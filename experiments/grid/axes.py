@@ -18,7 +18,7 @@ from experiments.grid.config import Config
 from experiments.simulate.grid_options import GridConfig
 from sim.common.settings import converted, read_toml
 from sim.robot.parameters import RobotParameters
-from trackslip.errors import InvalidValueError, SettingsFileError, require
+from trackslip.errors import InvalidValueError, SettingsFileError, require_one_of
 from trackslip.logs.schema import NO_UNIT, PURE, Column
 
 SPECIAL: Final = {
@@ -166,7 +166,7 @@ def _converted(name: str, values: list[Any], kind: Any) -> tuple[Any, ...]:
     if typing.get_origin(of) is Literal:
         choices = typing.get_args(of)
         for value in values:
-            require(value in choices, name, value, f"one of {', '.join(map(str, choices))}")
+            require_one_of(name, value, choices)
         return tuple(values)
     return tuple(converted(name, value, of) for value in values)
 

@@ -3,16 +3,23 @@
 from typing import Any
 
 from experiments.common.plain_json import plain
-from experiments.common.results import RUNS_FILE, TABLE_FILE, bags_text, write_bags
+from experiments.common.results import (
+    REPORT_FILE,
+    RUNS_FILE,
+    TABLE_FILE,
+    bags_text,
+    write_bags,
+)
 from experiments.common.sweep import drive_missing, resumable
 from experiments.common.table import stages_text
 from experiments.grid.config import Config
+from experiments.grid.page import page
 from experiments.grid.plan import plan
 from experiments.grid.runs import GridRuns
 from experiments.grid.summary import all_failed, grids_of, print_sweep, summary_of
 from experiments.grid.table import write_table
 from experiments.recorder import record_all
-from experiments.simulate.motors import print_motors
+from experiments.simulate.motors import without_motors
 from experiments.simulate.world import World
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import TrackslipError, counted
@@ -54,11 +61,18 @@ def run(config: Config) -> None:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:
                 about["bags"] = write_bags(run.folder, driven, read_runs(file), done=done)
         grids = grids_of(runs, rows)
-        run.write(summary_of(grids, rows) | about, simulated=simulated, **world.about)
-    print_sweep(grids, rows, runs[0].duration)
-    print_motors(config.robot, world.drive)
+        manifest = run.manifest(**world.about)
+        run.write(summary_of(grids, rows) | about, simulated=simulated, manifest=manifest)
+        notes = without_motors(config.robot, world.drive)
+        duration = runs[0].duration
+        with run.watch.stage("report"):
+            report = page(grids, rows, duration, config.out, notes, manifest)
+            report.write(run.folder, config.pdf)
+    print_sweep(grids, rows, duration)
+    for note in notes:
+        print(f"Note: {note}.")
     print(stages_text(run.watch.stages))
     if config.bag:
         print(bags_text(config.out, about["bags"]))
     before = f", {resumed} of them before it was stopped" if resumed else ""
-    print(f"{config.out / RUNS_FILE}: {counted(len(driven), 'run')} in {run.wall:.1f} s{before}")
+    print(f"{config.out / REPORT_FILE}: {counted(len(driven), 'run')} in {run.wall:.1f} s{before}")

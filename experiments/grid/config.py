@@ -15,15 +15,35 @@ from trackslip.errors import InvalidValueError
 
 EXAMPLES: Final = (
     ("the paper's 25 runs", "trackslip grid"),
-    ("six runs of 20 s", "trackslip grid --radii 0.5 1 2 --speeds 0.1 0.2 --duration 20"),
-    ("on a gravel slope", "trackslip grid --ground gravel --ground.slope 0.1 --ground.uphill 1.57"),
+    ("six runs", "trackslip grid --radii 0.5 1 2 --speeds 0.1 0.2 --out out/six"),
+    ("on a gravel slope", "trackslip grid --ground gravel --ground.slope 0.1 --out out/slope"),
     (
         "with a noisier scanner",
         "trackslip grid --scanner.noise 0.01 --obstacles posts --out out/noisy",
     ),
-    ("500 runs", "trackslip grid --grounds stone ice --seeds 0 1 2 3 4 --vary slope=0,0.05"),
-    ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
-    ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
+    ("500 runs", "trackslip grid --grounds stone ice --seeds 0 1 2 3 4 5 6 7 8 9 --out out/500"),
+    (
+        "over any option",
+        "trackslip grid --vary slope=0,0.1 robot.half_gauge=0.15,0.2 --out out/vary100",
+    ),
+    (
+        "on a Dask cluster",
+        "trackslip grid --sweep s.toml --executor dask://host:8786 --out out/dask",
+    ),
+)
+ESSENTIAL: Final = (
+    "robot",
+    "ground.source",
+    "radii",
+    "speeds",
+    "duration",
+    "seed",
+    "grounds",
+    "seeds",
+    "vary",
+    "rrd",
+    "out",
+    "overwrite",
 )
 
 
@@ -61,6 +81,8 @@ class Config(GridConfig):
     """If all workers of a Dask cluster have died, wait for others instead of stopping."""
     bag: bool = False
     """Also write each run as a ROS 2 bag to OUT/bags."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("jobs",), "executor", ("processes",)),

@@ -50,7 +50,7 @@ class RunGrid(GridSlips):
             **vars(slips),
             axes=axes,
             runs=len(rows),
-            failed=len(_failed(rows)),
+            failed=len(failed(rows)),
             localization=localization,
         )
 
@@ -91,28 +91,36 @@ def grids_of(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[RunGrid]:
 
 def summary_of(grids: Sequence[RunGrid], rows: Sequence[Row]) -> dict[str, Any]:
     """The content of summary.json."""
-    failures = [{"run": row["run"], "error": row["error"]} for row in _failed(rows)]
-    return plain({"grids": grids, "warnings": _warnings(rows), "runs": rows, "failures": failures})
+    failures = [{"run": row["run"], "error": row["error"]} for row in failed(rows)]
+    return plain(
+        {"grids": grids, "warnings": warnings_of(rows), "runs": rows, "failures": failures}
+    )
 
 
 def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) -> None:
     """Print a single grid with a line per radius, or several grids with a line each; then warnings
     and failures.
     """
-    if len(grids) == 1:
-        _grid_table(grids[0], len(rows), duration).print()
-    else:
-        _grids_table(grids, len(rows)).print()
-        more = len(grids) - _MAX_LINES
-        if more > 0:
-            print(f"and {more} more grids; {TABLE_FILE} has a row for each run")
-    notices = [f"warning: {warning}" for warning in _warnings(rows)]
-    notices += [f"failed: {row['run']}: {row['error']}" for row in _failed(rows)]
+    sweep_table(grids, len(rows), duration).print()
+    more = len(grids) - _MAX_LINES
+    if more > 0:
+        print(f"and {more} more grids; {TABLE_FILE} has a row for each run")
+    notices = [f"warning: {warning}" for warning in warnings_of(rows)]
+    notices += [f"failed: {row['run']}: {row['error']}" for row in failed(rows)]
     for notice in notices[:_MAX_LINES]:
         print(notice)
     more = len(notices) - _MAX_LINES
     if more > 0:
         print(f"and {more} more warnings and failures in {SUMMARY_FILE}")
+
+
+def sweep_table(grids: Sequence[RunGrid], runs: int, duration: float) -> Table:
+    """A table of a single grid of `runs` runs that last `duration` [s], with a row per radius, or
+    of the first grids, with a row each.
+    """
+    if len(grids) == 1:
+        return _grid_table(grids[0], runs, duration)
+    return _grids_table(grids, runs)
 
 
 def _grid_table(grid: RunGrid, runs: int, duration: float) -> Table:
@@ -146,7 +154,7 @@ def all_failed(rows: Sequence[Row]) -> str:
     return f"all {len(rows)} runs fail, the first, {rows[0]['run']!r}: {error}"
 
 
-def _warnings(rows: Sequence[Row]) -> list[str]:
+def warnings_of(rows: Sequence[Row]) -> list[str]:
     """Warnings on saturated motors, and on parts of runs that could not be used."""
     saturated = [_saturation_warning(row) for row in rows if row.get("saturated")]
     notes = [row["note"] for row in rows if row.get("note")]
@@ -163,7 +171,8 @@ def _saturation_warning(row: Row) -> str:
     return saturation_warning(row["run"], saturation)
 
 
-def _failed(rows: Sequence[Row]) -> list[Row]:
+def failed(rows: Sequence[Row]) -> list[Row]:
+    """The rows of the runs that failed."""
     return [row for row in rows if row["error"] is not None]
 
 

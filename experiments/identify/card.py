@@ -5,17 +5,17 @@ import shlex
 from collections.abc import Sequence
 from typing import Final
 
-from experiments.common.laws import symbol, with_interval
 from experiments.common.page import Answer
-from experiments.identify import tables
 from trackslip.identification.answer import TOO_LITTLE
-from trackslip.identification.comparison import REFERENCE, FittedLaw
+from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.prediction import FAR_AHEAD, PredictionErrors
 from trackslip.identification.result import Identification
 from trackslip.intervals import Gain
 from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import in_few_lines
+from trackslip.views.numbers import with_interval
+from trackslip.views.values import multiplier_values, parameter_values
 
 LINES: Final = 25  # largest number of lines on the terminal, including the report's path
 _AHEAD: Final = 5.0  # horizon of the errors that are printed [s]
@@ -29,11 +29,11 @@ def card(result: Identification, out: str | None = None, taken: Sequence[str] = 
     """
     fits = result.main.laws
     name = result.expressible
-    facts = _multipliers(result)
+    facts = multiplier_values(result)
     shown = dict.fromkeys(law for law in (name, result.best) if law is not None)
     for law in shown:
         prefix = "" if law == name or name is None else f"{law}: "
-        facts += [(f"{prefix}{letter}", value) for letter, value in _parameters(fits[law])]
+        facts += [(f"{prefix}{letter}", value) for letter, value in parameter_values(fits[law])]
     reason = result.main.reason
     sentence = reason[:1].upper() + reason[1:]
     facts.append(("best law", f"{result.best} ({FAMILIES[result.best].title}). {sentence}"))
@@ -51,23 +51,6 @@ def card(result: Identification, out: str | None = None, taken: Sequence[str] = 
     return Answer(f"Best law: {result.best}", facts, lines, alarms=alarms, next=commands)
 
 
-def _multipliers(result: Identification) -> list[tuple[str, str]]:
-    """The multipliers of the answer, each with its interval, or with what would determine it."""
-    unstated = any(alarm.kind == "multiplier" for alarm in result.alarms)
-    facts: list[tuple[str, str]] = []
-    for key, gain in result.answer.items():
-        if not key.endswith("multiplier"):
-            continue
-        text = result.undetermined.get(key) or _with_interval(gain)
-        if key == "wheel_separation_multiplier" and unstated and key not in result.undetermined:
-            text = f"current × {text}"
-        facts.append((key, text))
-    sides = {key for key in result.undetermined if key.endswith("wheel_radius_multiplier")}
-    if "radius_error" in result.undetermined and not sides:  # only their difference is determined
-        facts.append(("mean wheel radius", result.undetermined["radius_error"]))
-    return facts
-
-
 def _with_interval(gain: Gain) -> str:
     """A gain with its interval, or why it has none."""
     return with_interval(gain.value, gain[1:], why_none=TOO_LITTLE)
@@ -83,11 +66,6 @@ def print_card(answer: Answer, report: str) -> None:
     room = max(0, LINES - len(alarms) - len(values) - len(tail))
     for line in [*alarms, *values, *answer.lines[:room], *tail]:
         print(line)
-
-
-def _parameters(fit: FittedLaw) -> list[tuple[str, str]]:
-    """Symbols and values of a law's parameters."""
-    return [(symbol(fit.name, key), tables.value_text(fit, key)) for key in fit.values]
 
 
 def error_today_and_now(result: Identification) -> str:
@@ -169,7 +147,7 @@ def _other_method(result: Identification) -> list[str]:
     other = result.drive if result.method == "steady" else result.steady
     if other is None or REFERENCE not in other.laws:
         return []
-    parameters = _parameters(other.laws[REFERENCE])
+    parameters = parameter_values(other.laws[REFERENCE])
     values = ", ".join(f"{letter} = {value}" for letter, value in parameters)
     driving = "whole drives" if result.method == "steady" else "steady stretches"
     return [f"cross-check on {driving} ({REFERENCE}): {values}"]

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Final, Literal
 
 import tyro
 
+from experiments.common.log_names import refuse_same_logs
 from experiments.common.log_options import (
     Bag,
     BagOptions,
@@ -33,15 +34,38 @@ EXAMPLES: Final = (
     ("from a stored grid", "trackslip identify out/grid"),
     (
         "from a real robot's log",
-        "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06",
+        "trackslip identify a.csv --half-gauge 0.2 --sprocket-radius 0.1 --out out/a",
     ),
-    ("from a ROS bag", "trackslip identify run.mcap --half-gauge 0.168 --sprocket-radius 0.06"),
-    ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice"),
+    (
+        "from a ROS bag",
+        "trackslip identify b.mcap --half-gauge 0.2 --sprocket-radius 0.1 --out out/b",
+    ),
+    (
+        "from some runs of a sweep",
+        "trackslip identify out/500 --where ground=ice --out out/ice-law",
+    ),
     (
         "from a drive, with a sensor 0.3 m ahead",
-        "trackslip identify out/wander --method drive --sensor 0.3 0 0",
+        "trackslip identify out/wander --sensor 0.3 0 0 --out out/drive-law",
+    ),
+    (
+        "two grounds, and whether one law serves both",
+        "trackslip identify out/stone out/ice --out out/grounds",
     ),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+)
+ESSENTIAL: Final = (
+    "logs",
+    "half_gauge",
+    "sprocket_radius",
+    "where",
+    "sensor",
+    "method",
+    "all",
+    "table.columns",
+    "bag.poses",
+    "out",
+    "overwrite",
 )
 
 
@@ -53,9 +77,12 @@ class Config(ResultsOptions):
     omega_l, omega_r, v, w (steady samples).
     """
 
-    path: tyro.conf.Positional[Path]
+    logs: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(metavar="LOG [LOG ...]", help_behavior_hint="(required)"),
+    ]
     """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder
-    of them).
+    of them). Several logs are identified each by itself and compared.
     """
     where: Annotated[
         tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")
@@ -108,4 +135,5 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        refuse_same_logs(self.logs)
         check_sensor(self.sensor)

@@ -2,7 +2,7 @@
 drives.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
@@ -11,12 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 
 from experiments.common import style
-from experiments.common.colours import GREY
+from experiments.common.chart import WIDE, Chart, dots, law_curve
+from experiments.common.colours import BLACK, GREY
 from experiments.identify.turns import TRACKS, Turns
 from trackslip.identification.result import Identification
 from trackslip.identification.steady import SteadyComparison
 from trackslip.kinematics import Array
 from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.file import NO_SLIP
 from trackslip.odometry.evaluation import Trajectory, moved, trajectory_of
 from trackslip.odometry.identified import identified_law, no_slip
 
@@ -29,7 +31,8 @@ _POLE: Final = 1.0  # slip above which a law is near its pole [-]
 _RUN: Final = "#444444"
 _FEWEST: Final = 10  # number of positions that are too few for a figure
 _PIECES: Final = 6  # approximate number of pieces of a drive that are predicted
-_AHEAD: Final = 10.0  # duration of a piece [s]
+AHEAD: Final = 10.0
+"""Duration of a piece of a drive that is predicted [s]."""
 _SHADES: Final = ListedColormap([style.shade(style.RADII_SHADES, k / 31) for k in range(32)])
 _BARS: Final[dict[str, Any]] = {"fmt": "none", "ecolor": GREY, "lw": 0.8}
 
@@ -56,11 +59,11 @@ def slip_against_speed(turns: Turns) -> style.Panels:
 
 
 @style.styled
-def fitted_laws(turns: Turns, comparison: SteadyComparison) -> style.Panels:
-    """Slip against observed radius, with every fitted law and the published law (the paper's Fig.
-    6).
+def fitted_laws(turns: Turns, comparison: SteadyComparison, names: Sequence[str]) -> style.Panels:
+    """Slip against observed radius, with the fitted laws `names`, which include the best, and the
+    published law (the paper's Fig. 6).
     """
-    laws = {name: comparison.laws[name].law for name in comparison.laws} | {"published": PUBLISHED}
+    laws = {name: comparison.laws[name].law for name in names} | {"published": PUBLISHED}
     looks = _law_lines(laws, comparison.best)
     radius = curve_radii(turns)
     panels = []
@@ -124,47 +127,57 @@ def show_radii(axes: Axes, turns: Turns) -> None:
         axes.set_xlim(-0.04 * radius[-1], radius[-1])
 
 
-@style.styled
-def predicted_paths(result: Identification) -> style.Panels | None:
-    """Measured positions of the longest drive, and pieces predicted without slip and by the best
-    law.
+def predicted_paths(result: Identification, names: Sequence[str]) -> Chart | None:
+    """Measured positions of the longest drive, and pieces predicted without slip and by the laws
+    `names`.
 
     None if no log has more than a few positions.
     """
     assert result.drive is not None
-    names = {drive.name for drive in result.drive.look.drives}
-    logs = [log for log in result.logs if log.run in names and log.has_place.sum() > _FEWEST]
+    drives = {drive.name for drive in result.drive.look.drives}
+    logs = [log for log in result.logs if log.run in drives and log.has_place.sum() > _FEWEST]
     log = max(logs, key=lambda log: np.ptp(log.time), default=None)
     if log is None:
         return None
     measured = log.pose[log.has_place, :2]
     best = identified_law(result, result.drive.best)
     assert best.mounting is not None
-    panels = []
-    for name, law in (("none", no_slip(result.geometry)), (result.drive.best, best)):
-        figure, axes = style.panel(f"{name}, {_AHEAD:g} s ahead", "x [m]", "y [m]", height=4.6)
-        x, y = measured[style.thin(len(measured), 1500)].T
-        axes.plot(x, y, ".", color=GREY, ms=3, mew=0, label="measured")
-        axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())  # limits without the predictions
-        drive = trajectory_of(log, law.odometry(), best.mounting, best.clock_offset or 0.0)
-        for rows in _pieces(drive):
-            # from the measured pose at the begin of the piece
-            first = rows.start
-            turn = float(drive.heading[first] - drive.estimated[first, 2])
-            begin = drive.estimated[first, :2]
-            path = moved(drive.estimated[rows], turn, begin, drive.measured[first, :2])
-            axes.plot(path[:, 0], path[:, 1], **style.law_line(name, lw=1.8))
-            axes.plot(*path[0, :2], "ok", ms=4, zorder=6)
-        style.plane(axes)
-        panels.append(figure)
-    return tuple(panels)
+    laws = {NO_SLIP: no_slip(result.geometry)}
+    laws |= {name: identified_law(result, name) for name in names if name != NO_SLIP}
+    curves = [dots(measured[style.thin(len(measured), 1500)], "measured")]
+    starts: Array = np.empty((0, 2))
+    for name, law in laws.items():
+        mounting = law.mounting or best.mounting
+        clock = best.clock_offset if law.clock_offset is None else law.clock_offset
+        drive = trajectory_of(log, law.odometry(), mounting, clock or 0.0)
+        path, starts = _predicted_pieces(drive)
+        curves.append(law_curve(path[:, 0], path[:, 1], name, width=1.8))
+    curves.append(dots(starts, "start of a prediction", BLACK, 4.0))
+    return Chart("", "x [m]", "y [m]", curves, 5.4, WIDE, is_map=True)
+
+
+def _predicted_pieces(drive: Trajectory) -> tuple[Array, Array]:
+    """Predicted positions (n, 2) of some pieces of a drive, each from the measured pose at its
+    begin and separated by NaN, and the positions (p, 2) at their begins [m].
+    """
+    gap = np.full((1, 2), np.nan)
+    parts = [gap]
+    starts = [gap]
+    for rows in _pieces(drive):
+        first = rows.start
+        turn = float(drive.heading[first] - drive.estimated[first, 2])
+        begin = drive.estimated[first, :2]
+        path = moved(drive.estimated[rows], turn, begin, drive.measured[first, :2])[:, :2]
+        parts += [path, gap]
+        starts.append(path[:1])
+    return np.concatenate(parts), np.concatenate(starts)
 
 
 def _pieces(drive: Trajectory) -> list[slice]:
-    """Rows of a few pieces of a drive, each of duration _AHEAD and starting at a pose with a known
+    """Rows of a few pieces of a drive, each of duration AHEAD and starting at a pose with a known
     heading.
     """
-    times = np.arange(drive.time[0], drive.time[-1] + _AHEAD / 2, _AHEAD)
+    times = np.arange(drive.time[0], drive.time[-1] + AHEAD / 2, AHEAD)
     edges = np.searchsorted(drive.time, times)
     pieces = [
         slice(a, b) for a, b in pairwise(edges.tolist()) if b > a and np.isfinite(drive.heading[a])

@@ -11,6 +11,7 @@ from experiments.identify import figures, tables
 from experiments.identify.card import card
 from experiments.identify.turns import Turns
 from trackslip.errors import counted
+from trackslip.identification.comparison import Comparison
 from trackslip.identification.result import Identification
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
@@ -26,6 +27,7 @@ INTRO: Final = Markup(
     "a Tracked Mobile "
     "Robot</cite>, IROS 2008; its Eq. 11 is the slip law it published."
 )
+_SHOWN: Final = 3  # number of laws that are drawn, the best first; the others are folded
 _STEADY: Final = (
     "All laws are fitted to the same runs and judged by the motion that sprocket speeds cause. "
     "The best law is the "
@@ -112,15 +114,22 @@ def steady_slip(result: Identification) -> Section | None:
     if comparison is None:
         return None
     turns = Turns.of(comparison.samples, result.geometry)
-    laws = speeds = None
+    best, others = _best_and_others(comparison)
+    laws = speeds = all_laws = None
     if len(turns):
         laws = Plot(
             "fig06_slip_laws",
-            partial(figures.fitted_laws, turns, comparison),
+            partial(figures.fitted_laws, turns, comparison, best),
             "Slip laws (the paper's Fig. 6)",
-            "Slip against observed radius with every fitted law and the published one, which is "
-            "not fitted. Thick: the "
-            "best law. Bars: standard errors of measurement, where they are known.",
+            f"Slip against observed radius with {_laws_drawn(best, others)} and the published one, "
+            "which is not fitted. Thick: the best law. Bars: standard errors of measurement, where "
+            "they are known.",
+        )
+        all_laws = Plot(
+            "all_slip_laws",
+            partial(figures.fitted_laws, turns, comparison, [*best, *others]),
+            "All slip laws",
+            "Slip against observed radius with every fitted law and the published one.",
         )
         speeds = Plot(
             "fig05_slip_over_speed",
@@ -135,10 +144,31 @@ def steady_slip(result: Identification) -> Section | None:
             laws,
             tables.criteria_table(comparison, result.geometry),
             speeds,
-            tables.parameters_table(comparison),
+            tables.parameters_table(comparison, best),
+            _folded("Other laws of steady stretches", comparison, others, all_laws),
         ],
         folded=result.method == "drive",
     )
+
+
+def _best_and_others(comparison: Comparison) -> tuple[list[str], list[str]]:
+    """Names of the laws that are shown, the best first, and of those that are folded."""
+    names = [*comparison.laws]
+    return names[:_SHOWN], names[_SHOWN:]
+
+
+def _laws_drawn(best: Sequence[str], others: Sequence[str]) -> str:
+    """The laws in a figure, in words."""
+    return f"the {len(best)} best laws" if others else "every fitted law"
+
+
+def _folded(
+    heading: str, comparison: Comparison, others: Sequence[str], plot: Plot | None
+) -> Section | None:
+    """The folded section on the laws that aren't among the best; None if there are none."""
+    if not others:
+        return None
+    return Section(heading, [plot, tables.parameters_table(comparison, others)], folded=True)
 
 
 def _driven(runs: int, turns: Turns) -> str:
@@ -168,21 +198,30 @@ def whole_drives(result: Identification) -> Section | None:
         driven += (
             " Most of the driving was steady, so its laws are the result; these are for comparison."
         )
+    best, others = _best_and_others(drive)
+    ahead = f"the next {figures.AHEAD:g} s"
     path = Plot(
         "drive_path",
-        partial(figures.predicted_paths, result),
+        partial(figures.predicted_paths, result, best),
         "Path of the longest drive",
-        "Measured positions, and where the robot should go from the black dots by its sprocket "
-        "speeds alone: without "
-        "slip, and by the best law.",
+        f"Measured positions, and where the robot should go in {ahead} from the black dots by its "
+        f"sprocket speeds alone: without slip (none), and by {_laws_drawn(best, others)}.",
     )
+    all_paths = Plot(
+        "drive_path_all_laws",
+        partial(figures.predicted_paths, result, [*best, *others]),
+        "Path of the longest drive, by all laws",
+        "A click on a law in the legend hides it.",
+    )
+    has_errors = drive.errors.get(drive.best)
     return Section(
         "Whole drives",
         [
             driven,
-            tables.prediction_table(drive) if drive.errors.get(drive.best) else None,
             path,
-            tables.parameters_table(drive),
+            *(tables.prediction_tables(drive) if has_errors else ()),
+            tables.parameters_table(drive, best),
+            _folded("Other laws of whole drives", drive, others, all_paths),
         ],
         folded=result.method == "steady",
     )
@@ -193,7 +232,8 @@ def print_all(result: Identification) -> None:
     if result.method == "drive" and result.drive is not None:
         tables.parameters_table(result.drive).print()
         if result.drive.errors.get(result.best):
-            tables.prediction_table(result.drive).print()
+            for table in tables.prediction_tables(result.drive):
+                table.print()
     else:
         tables.parameters_table(result.comparison).print()
         tables.criteria_table(result.comparison, result.geometry).print()

@@ -1,21 +1,22 @@
 """Tables on an identification: parameters, comparison of the laws, and prediction errors."""
 
+from collections.abc import Sequence
 from math import degrees
 from typing import Final
 
-from experiments.common.laws import law_cell, symbol, unit_of, with_interval
-from experiments.common.table import MISSING, Cell, Table, number, pair
+from experiments.common.laws import law_cell
+from experiments.common.table import MISSING, Cell, Table, number
 from trackslip.errors import counted
-from trackslip.identification.answer import TOO_LITTLE
-from trackslip.identification.comparison import Comparison, FittedLaw
+from trackslip.identification.comparison import Comparison
 from trackslip.identification.drive_comparison import TODAY, DriveComparison
 from trackslip.identification.path import EXTRAS
-from trackslip.identification.prediction import PredictionErrors
 from trackslip.identification.steady import CrossValidation, SteadyComparison
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.families import GAINS
 from trackslip.metrics import rms
+from trackslip.views.symbols import symbol
+from trackslip.views.values import value_text
 
 _STEADY_NOTE: Final = (
     "Intervals: Student's, of errors of measurement and of one scatter between the runs."
@@ -28,19 +29,21 @@ _CRITERIA_NOTE: Final = (
     "radii, for slip, speed v and yaw rate w. The published law is not fitted."
 )
 _PREDICTION_NOTE: Final = (
-    "Errors over all pairs of poses between which the robot moves. today: dead reckoning without "
-    "slip, with only the given delay and sensor place. two_gains: gains by regression. Score: "
-    "mean ratio of the error to the best law's."
+    "Medians over all pairs of poses between which the robot moves, by the time between them. "
+    "today: dead reckoning without slip, with only the given delay and sensor place. two_gains: "
+    "gains by regression. Score: mean ratio of the errors of position and heading to the best "
+    "law's."
 )
 _NOT_VALIDATED: Final = (MISSING, MISSING, MISSING)
 
 
-def parameters_table(comparison: Comparison) -> Table:
-    """The laws' parameters, best law first; for drives, also sensor and clock offset as fitted with
-    the best law.
+def parameters_table(comparison: Comparison, names: Sequence[str] | None = None) -> Table:
+    """The laws' parameters, by default of all laws, the best first; for drives, also sensor and
+    clock offset as fitted with the best law, if it is among them.
     """
     rows: list[tuple[str | Cell, ...]] = []
-    for fit in comparison.laws.values():
+    names = [*comparison.laws] if names is None else names
+    for fit in (comparison.laws[name] for name in names):
         law: str | Cell = law_cell(fit.name, fit.name == comparison.best)
         for key in fit.values:
             rows.append((law, symbol(fit.name, key), value_text(fit, key)))
@@ -50,19 +53,14 @@ def parameters_table(comparison: Comparison) -> Table:
         title = f"Slip laws from {counted(len(comparison.samples), 'steady sample')}"
         return Table(title, header, rows, "llr", _STEADY_NOTE)
     assert isinstance(comparison, DriveComparison)
+    drives = counted(len(comparison.look.drives), "whole drive")
+    title = f"Slip laws from {drives}"
+    if comparison.best not in names:
+        return Table(title, header, rows, "llr", _DRIVE_NOTE)
     fit = comparison.laws[comparison.best]
     rows += [(EXTRAS[key].title, symbol(fit.name, key), value_text(fit, key)) for key in fit.extras]
-    drives = counted(len(comparison.look.drives), "whole drive")
-    title = f"Slip laws from {drives}, sensor and clock by {comparison.best}"
+    title += f", sensor and clock by {comparison.best}"
     return Table(title, header, rows, "llr", _DRIVE_NOTE)
-
-
-def value_text(fit: FittedLaw, name: str) -> str:
-    """A parameter with its interval, or with the reason why it has none."""
-    values = fit.values | getattr(fit, "extras", {})
-    ends = fit.interval95.get(name)
-    why_none = fit.held.get(name, TOO_LITTLE)
-    return with_interval(values[name], ends, unit_of(fit.name, name), why_none=why_none)
 
 
 def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Table:
@@ -91,30 +89,35 @@ def _validation_cells(errors: CrossValidation) -> list[str]:
     ]
 
 
-def prediction_table(drive: DriveComparison) -> Table:
-    """Median errors in predicting held-out data: without identification first, then for each law,
-    best law first.
+def prediction_tables(drive: DriveComparison) -> list[Table]:
+    """Median errors in predicting held-out data, a table for positions and one for headings, as far
+    as they are known: without identification first, then for each law, best law first.
+    """
+    position = _prediction_table(drive, "position", "m", 1.0, 3)
+    heading = _prediction_table(drive, "heading", "deg", degrees(1.0), 1)
+    return [table for table in (position, heading) if table is not None]
+
+
+def _prediction_table(
+    drive: DriveComparison, what: str, unit: str, factor: float, digits: int
+) -> Table | None:
+    """Median errors of positions or headings, times `factor`, by law and time ahead; None if none
+    is known.
     """
     ahead = tuple(drive.errors[drive.best])
     today = [name for name in (TODAY, GAINS) if name in drive.errors and name != drive.best]
     rows: list[tuple[str | Cell, ...]] = []
+    medians: list[float | None] = []
     for name in [*today, *drive.laws]:
+        errors = [drive.errors[name].get(seconds) for seconds in ahead]
+        known = [None if error is None else getattr(error, what) for error in errors]
+        of_law = [None if part is None else factor * part.median for part in known]
+        cells = [number(median, digits) for median in of_law]
         law = law_cell(name, name == drive.best, formula=False)
-        errors = drive.errors[name]
-        cells = [_median_errors(errors.get(seconds)) for seconds in ahead]
         rows.append((law, *cells, number(drive.score.get(name), 2)))
-    title = "Held-out prediction, median error of position [m] | heading [deg]"
+        medians += of_law
+    if all(median is None for median in medians):
+        return None
     header = ("law", *(f"{seconds:g} s" for seconds in ahead), "score")
+    title = f"Held-out prediction, median error of {what} [{unit}]"
     return Table(title, header, rows, note=_PREDICTION_NOTE)
-
-
-def _median_errors(errors: PredictionErrors | None) -> str:
-    """Median errors in position [m] and heading [deg], as far as they are known."""
-    if errors is None:
-        return MISSING
-    known = []
-    if errors.position is not None:
-        known.append(number(errors.position.median, 3))
-    if errors.heading is not None:
-        known.append(number(degrees(1.0) * errors.heading.median, 1))
-    return pair(known) if known else MISSING

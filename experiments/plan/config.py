@@ -25,9 +25,25 @@ EXAMPLES: Final = (
     ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
     (
         "outdoors, with GNSS",
-        "trackslip plan --half-gauge 0.3 --sprocket-radius 0.1 --area 12x8 --poses gnss",
+        "trackslip plan --after out/identify --area 12x8 --poses gnss --out out/far",
     ),
-    ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
+    (
+        "where the law is least known",
+        "trackslip plan --after out/identify --duration 30 --out out/next",
+    ),
+)
+ESSENTIAL: Final = (
+    "half_gauge",
+    "sprocket_radius",
+    "after",
+    "law",
+    "max_speed",
+    "area",
+    "duration",
+    "poses",
+    "bag",
+    "out",
+    "overwrite",
 )
 _OF_AFTER: Final = default_is("from --after", "FLOAT")
 

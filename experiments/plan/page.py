@@ -12,19 +12,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from experiments.common.colours import BLUE, GREEN, GREY, ORANGE
-from experiments.common.laws import symbol, unit_of
 from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.style import BAND, plane, styled
 from experiments.common.table import MISSING, Table, number, percent, significant
 from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan
+from trackslip.views.symbols import symbol, unit_of
 
 _EXPECTED: Final = ("parameter", "expected", "± error", "scale", "share", "25 runs")
 _SIZE: Final = (4.5, 4.2)  # width and height of a figure [in]
 _NOTE: Final = (
-    "Share: the standard error over the scale, for D half_gauge + D. The plan makes the "
-    "largest share small."
+    "Share: the standard error over the scale, which is half gauge + D for D. The plan makes the "
+    "largest share small. The area needed is that of the robot's middle."
 )
 
 
@@ -105,10 +105,10 @@ def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
         f"x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading "
         f"{math.degrees(heading):.0f}°"
     )
-    reach = f"while half_gauge + D is {knowledge.reach:.3f} m within {knowledge.reach_doubt:.0%}"
+    reach = f"half gauge + D = {knowledge.reach:.3f} m ± {100 * knowledge.reach_doubt:.0f} %"
     facts = [
         ("start", where),
-        ("the robot's middle stays within", f"{across:.2f} x {up:.2f} m, {reach}"),
+        ("area needed", f"{across:.2f} × {up:.2f} m if {reach}"),
     ]
     undetermined = [
         name for name in plan.expectation.undetermined if name not in ("lag", "sensor_yaw")

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import rerun as rr
 
+from experiments.common.traces import Traces
 from experiments.recorder.model import send_geoms, send_paving
 from experiments.recorder.sensing import OTHER_COLOUR
 from experiments.recorder.stream import FIELD, Recording, about_vertical, paint, rgb
-from experiments.recorder.traces import Traces
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MALFORMED
 

@@ -18,6 +18,8 @@ from trackslip.kinematics import Array
 ROBOT: Final = "robot"
 """Entity with a robot's bodies, below the run's entity."""
 GROUND: Final = f"{FIELD}/ground"
+HIDDEN_GROUP: Final = 5
+"""Group of geoms that aren't drawn."""
 _UNSET: Final = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour for geoms that don't set a colour
 _STONE: Final = 0.5  # side of a paving stone [m]
 _THICKNESS: Final = 0.01  # half the thickness of a paving stone [m]

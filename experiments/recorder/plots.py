@@ -19,6 +19,9 @@ from trackslip.kinematics import Array
 # tracks in every panel; all colours are from Okabe and Ito's palette
 LEFT: Final = "#56B4E9"
 RIGHT: Final = "#E69F00"
+# slips of the tracks as measured, which lie over the true ones
+LEFT_MEASURED: Final = "#009E73"
+RIGHT_MEASURED: Final = "#CC79A7"
 # viewpoint and target, relative to the entity CAMERA [m]
 _EYE: Final = (-1.4, -1.2, 1.3)
 _TARGET: Final = (0.0, 0.0, 0.2)

@@ -3,7 +3,7 @@ colour.
 """
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -11,9 +11,17 @@ import numpy as np
 import rerun as rr
 
 from experiments.common.colours import BLUE, GREY
+from experiments.common.traces import Traces
 from experiments.recorder.field import send_field
-from experiments.recorder.model import send_robot
-from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
+from experiments.recorder.model import HIDDEN_GROUP, ROBOT, send_robot
+from experiments.recorder.plots import (
+    LEFT,
+    LEFT_MEASURED,
+    RIGHT,
+    RIGHT_MEASURED,
+    Panel,
+    send_layout,
+)
 from experiments.recorder.sensing import ESTIMATE_COLOUR, send_estimate, send_scans
 from experiments.recorder.stream import (
     CAMERA,
@@ -25,13 +33,12 @@ from experiments.recorder.stream import (
     paint,
     rgb,
 )
-from experiments.recorder.traces import Traces
 from sim.common.settings import build
 from sim.robot.looks import RobotLooks, robot_looks
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import WHEELS, RobotParameters
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
-from trackslip.logs.runlog import MALFORMED, RunLog
+from trackslip.logs.runlog import MALFORMED, RunLog, stored_geometry
 
 _COLOURS: Final = (
     BLUE,
@@ -54,6 +61,7 @@ _TURNING: Final = "#CC79A7"
 _THICK: Final = 4.5
 _LINE: Final = 1.5
 _THIN: Final = 0.8
+_ARROW: Final = 0.5  # length of the arrow in place of an unknown robot [m]
 _ABOVE: Final = 0.004  # height of lines above the ground, and above each other [m]
 PANELS: Final = (
     Panel("Slip [-]", ("slip/assumed", "slip/identified", "slip/true"), 1.9, has_outliers=True),
@@ -91,7 +99,8 @@ def send_runs(recording: Recording, logs: Sequence[RunLog]) -> None:
         _send_paths(recording, root, traces, colour, estimate=alone)
         series = series_of(traces)
         if alone:
-            send_estimate(recording, f"{root}/estimate", traces, looks.model)
+            if "plate" in traces.log.metadata:
+                send_estimate(recording, f"{root}/estimate", traces, looks.model)
             height = float(looks.model.body("lrf").pos[2])
             send_scans(recording, f"{root}/scan", traces, height)
         else:
@@ -109,6 +118,7 @@ def series_of(traces: Traces) -> list[Series]:
 def _track_series(traces: Traces) -> list[Series]:
     """Lines for the left and the right track: slips and sprocket speeds."""
     sides = (LEFT, RIGHT)
+    of_measured = (LEFT_MEASURED, RIGHT_MEASURED)
     dark = _blended(sides, 0)
     pale = _blended(sides, 255)
     series = []
@@ -122,7 +132,7 @@ def _track_series(traces: Traces) -> list[Series]:
             series.append(Series(entity, values, names, colours, width))
 
     add("slip/assumed", traces.assumed, "assumed", dark, _THICK)
-    add("slip/identified", traces.identified, "identified", pale, _THIN)
+    add("slip/identified", traces.identified, "measured", of_measured, _THIN)
     add("slip/true", traces.slip, "true", sides, _LINE)
     add("sprocket/command", traces.log.command, "set point", pale, _THICK)
     add("sprocket/measured", traces.log.omega, "measured", sides, _LINE)
@@ -169,33 +179,70 @@ def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
 
 
 def parameters_of(log: RunLog) -> RobotParameters:
-    """Parameters of the robot in a run, from its log; parameters missing in the log are the shipped
-    robot's.
+    """Parameters of the robot in a run, from its log.
+
+    A log that has only the robot's gauge and sprockets is from a real robot: it gets two axles with
+    wheels of this size, and is as long as the shipped robot, times the ratio of the gauges. A log
+    without a gauge has the shipped robot's parameters.
     """
-    known: Any = log.metadata.get("robot") or log.metadata.get("geometry")
     names = RobotParameters.__dataclass_fields__.keys() - {"drive"}
+    known: Any = log.metadata.get("robot")
     with contextlib.suppress(*MALFORMED):  # also raised for a robot of another kind
         own = {key: value for key, value in known.items() if key in names}
         return build(RobotParameters, own, log.run)
-    return RobotParameters()
+    shipped = RobotParameters()
+    geometry = stored_geometry(log)
+    if geometry is None:
+        return shipped
+    length = shipped.contact_length * geometry.half_gauge / shipped.half_gauge
+    return replace(
+        shipped,
+        half_gauge=geometry.half_gauge,
+        sprocket_radius=geometry.sprocket_radius,
+        contact=WHEELS,
+        axles=(-length / 2, length / 2),
+    )
+
+
+def _is_known(log: RunLog) -> bool:
+    """Whether a log says which robot drove: that of a simulation, or the one that the user
+    named.
+    """
+    return isinstance(log.metadata.get("robot"), Mapping)
 
 
 def _looks(log: RunLog, colour: str | None = None) -> RobotLooks:
     """Looks of the robot in a run, in `colour` or its own colours; a plain robot if the file with
-    looks is missing.
+    looks is missing, and a grey one without a plate for a robot of which only the size is known.
     """
     parameters = parameters_of(log)
+    is_known = _is_known(log)
+    if colour is None and not is_known:
+        colour = GREY
     paint = () if colour is None else (*np.divide(rgb(colour), 255), 1.0)
     try:
-        return robot_looks(parameters, paint)
+        looks = robot_looks(parameters, paint)
     except TrackslipError:
-        return robot_looks(replace(parameters, looks=""), paint)
+        looks = robot_looks(replace(parameters, looks=""), paint)
+    if "plate" not in log.metadata:
+        for name in ("plate", "mast"):
+            looks.model.geom(name).group = HIDDEN_GROUP
+    return looks
 
 
 def _send_robot(
     recording: Recording, root: str, traces: Traces, looks: RobotLooks, turning: bool
 ) -> None:
-    """Send the robot at its poses, on level ground, with its belts `turning` or at rest."""
+    """Send the robot at its poses, on level ground, with its belts `turning` or at rest; an arrow
+    in its place if not even its size is known.
+    """
+    if not _is_known(traces.log) and stored_geometry(traces.log) is None:
+        arrow = rr.Arrows3D(vectors=[[_ARROW, 0, 0]], **paint(GREY, _ARROW / 20))
+        recording.still(f"{root}/{ROBOT}", arrow)
+        place = at_height(traces.pose, _ARROW / 10)
+        turn = about_vertical(traces.pose[:, 2])
+        recording.poses(f"{root}/{ROBOT}", traces.time, place, turn)
+        return
     belts = traces.log.omega * parameters_of(traces.log).sprocket_radius
     speed = belts[:, looks.track_side]
     period = np.diff(traces.time, prepend=0.0)[:, None]

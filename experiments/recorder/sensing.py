@@ -7,8 +7,8 @@ import numpy as np
 import rerun as rr
 
 from experiments.common.colours import VERMILLION
+from experiments.common.traces import Traces
 from experiments.recorder.stream import Recording, about_vertical, at_height, paint
-from experiments.recorder.traces import Traces
 from trackslip.kinematics import Array
 
 ESTIMATE_COLOUR: Final = VERMILLION

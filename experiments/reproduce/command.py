@@ -18,7 +18,7 @@ from experiments.recorder import record_all
 from experiments.reproduce.comparison import comparison_table
 from experiments.reproduce.config import Config
 from experiments.reproduce.page import page
-from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops
+from experiments.simulate.closed_loop import ClosedLoopRun, Loop, drive_closed_loops
 from experiments.simulate.grid_runs import cells_of, drive_grid
 from experiments.simulate.grid_summary import GridSummary, saturation_warnings, simulated_seconds
 from experiments.simulate.options import IDENTIFIED
@@ -73,7 +73,7 @@ def run(config: Config) -> None:
         with run.busy("closed loops"), run.watch.stage("closed loops"):
             try:
                 loop_logs = drive_closed_loops(
-                    loops, world, path, config.localization, lambda law: FixedLaw(laws[law])
+                    loops, world, path, Loop(config.localization), lambda law: FixedLaw(laws[law])
                 )
             except RunFailedError as failure:
                 failure.logs = [*grid_logs, *failure.logs]

@@ -10,7 +10,18 @@ from trackslip.errors import InvalidValueError
 EXAMPLES: Final = (
     ("the whole paper", "trackslip reproduce"),
     ("with other random numbers", "trackslip reproduce --seed 1 --out out/reproduce-1"),
-    ("on another ground", "trackslip reproduce --ground.across 0.9 --scanner.noise 0.01"),
+    ("on another ground", "trackslip reproduce --ground clay --out out/reproduce-clay"),
+)
+ESSENTIAL: Final = (
+    "robot",
+    "ground.source",
+    "radii",
+    "speeds",
+    "seed",
+    "rrd",
+    "pdf",
+    "out",
+    "overwrite",
 )
 
 

@@ -2,12 +2,14 @@
 along its path.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from experiments.common import style
+from experiments.common.chart import Chart, Curve, law_curve, road, start_of
 from experiments.common.colours import BLACK, BLUE, GREY, ORANGE
 from experiments.common.laws import law_looks
 from experiments.identify.figures import curve_radii, show_radii
@@ -28,8 +30,6 @@ _SLIP_RANGE: Final = (-0.15, 0.10)  # range of the slip axis in the paper's Fig.
 _CLOSEST: Final = 3e-4  # distances below this are zero crossings [m]
 _PAPER: Final[dict[str, Any]] = {"color": BLACK, "marker": "x", "ms": 7, "mew": 1.6, "ls": "none"}
 _EQ_11: Final[dict[str, Any]] = {"color": BLACK, "ls": "--", "lw": 1.2}
-_LAW: Final[dict[str, Any]] = {"lw": 2.2, "ls": (0, (3, 1.2))}
-_TRUE: Final[dict[str, Any]] = {"lw": 0.8}
 
 
 @style.styled
@@ -78,39 +78,40 @@ def _arc() -> tuple[float, float]:
     return float(turning[0]), float(turning[-1])
 
 
-@style.styled
-def paths(runs: Mapping[str, RunLog]) -> style.Panels:
+def paths(runs: Mapping[str, RunLog]) -> tuple[Chart, Chart]:
     """Figs. 8 and 10: paths with each compensation, and distances over time."""
     reference = paper_reference()
-    left, ground = style.panel("Path", "x [m]", "y [m]", height=4.6)
-    title = "Position error (log scale)"
-    distance_label = "distance from the desired position [mm]"
-    right, distance = style.panel(title, "time [s]", distance_label, height=4.6)
     desired = reference.pose(np.linspace(0, reference.duration, 600))
-    ground.plot(desired[:, 0], desired[:, 1], label="desired", **style.DESIRED)
-    for log, rows, look in _lines(runs):
+    on_ground = [road(desired, "desired")]
+    over_time = []
+    ends = []
+    for name, log in runs.items():
+        rows = style.thin(len(log.time))
         pose = _true(log)[rows]
         time = log.time[rows]
         errors = body_errors(pose, reference.pose(time))
         norm = np.hypot(errors[:, 0], errors[:, 1])
-        ground.plot(*pose[:, :2].T, **look)
-        distance.plot(time, 1e3 * np.maximum(norm, _CLOSEST), **look)
-    for name, log in runs.items():
-        ground.plot(*_true(log)[-1, :2], "s", ms=4, color=style.law_line(name)["color"])
-    start = _true(next(iter(runs.values())))[0, :2]
-    ground.plot(*start, "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6, label="start")
-    ground.set_aspect("equal", adjustable="datalim")
-    distance.set(xlim=(0, reference.duration), yscale="log", ylim=(1e3 * _CLOSEST, None))
-    style.mark_span(distance, TRANSIENT, _arc()[1])
-    for figure, axes in ((left, ground), (right, distance)):
-        style.legend_below(figure, axes.get_legend_handles_labels()[0])
-    return left, right
-
-
-def _lines(runs: Mapping[str, RunLog]) -> Iterator[tuple[RunLog, slice, dict[str, Any]]]:
-    """Runs with the rows to draw and the looks of their lines."""
-    for name, log in runs.items():
-        yield log, style.thin(len(log.time)), style.law_line(name, lw=1.2, label=name)
+        on_ground.append(law_curve(pose[:, 0], pose[:, 1], name, width=1.2))
+        over_time.append(law_curve(time, 1e3 * np.maximum(norm, _CLOSEST), name, width=1.2))
+        end = _true(log)[-1]
+        colour = style.law_line(name)["color"]
+        ends.append(Curve(end[:1], end[1:2], name, colour, 0.0, marker="s"))
+    start = start_of(_true(next(iter(runs.values()))))
+    title = "Position error (log scale)"
+    distance = "distance from the desired position [mm]"
+    return (
+        Chart("Path", "x [m]", "y [m]", [*on_ground, *ends, start], 4.6, is_map=True),
+        Chart(
+            title,
+            "time [s]",
+            distance,
+            over_time,
+            4.6,
+            is_log=True,
+            xlim=(0.0, reference.duration),
+            span=(TRANSIENT, _arc()[1]),
+        ),
+    )
 
 
 def _true(log: RunLog) -> Array:
@@ -119,37 +120,49 @@ def _true(log: RunLog) -> Array:
     return log.truth.pose
 
 
-@style.styled
-def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> style.Panels:
+def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> tuple[Chart, Chart]:
     """Fig. 11: position errors in the body frame and their norm, for the whole run and from 12 s
     on.
     """
+    return (
+        _errors_from(runs, 0.0, 1.0, "m", "Whole run"),
+        _errors_from(runs, TRANSIENT, 1e3, "mm", f"From {TRANSIENT:g} s on"),
+    )
+
+
+def _errors_from(
+    runs: Mapping[str, RunLog], begin: float, factor: float, unit: str, title: str
+) -> Chart:
+    """Errors from `begin` [s] on, times `factor` in this unit: three charts over each other."""
     reference = paper_reference()
-    runs = {name: runs[name] for name in ("none", "published", "icr_radius")}
-    panels = []
-    for begin, factor, unit, title in (
-        (0.0, 1.0, "m", "Whole run"),
-        (TRANSIENT, 1e3, "mm", f"From {TRANSIENT:g} s on"),
-    ):
-        figure, axes = style.subplots(5.6, 3, width=4.6, sharex=True)
-        for log, rows, look in _lines(runs):
-            late = np.flatnonzero(log.time >= begin)[rows]
-            error = factor * body_errors(_true(log), reference.pose(log.time))[late, :2]
-            for axis, values in zip(axes, (*error.T, np.hypot(*error.T)), strict=True):
-                axis.plot(log.time[late], values, **look)
-        for axis, symbol in zip(axes, ("e$_x$", "e$_y$", "‖e‖"), strict=True):
-            axis.set_ylabel(f"{symbol} [{unit}]")
-            style.mark_span(axis, TRANSIENT, _arc()[1])
-            style.zero_line(axis)
-        axes[0].set(title=title, xlim=(begin, reference.duration))
-        axes[2].set_xlabel("time [s]")
-        style.legend_below(figure, axes[0].get_legend_handles_labels()[0])
-        panels.append(figure)
-    return tuple(panels)
+    curves: list[list[Curve]] = [[], [], []]  # ahead, to the left, and their norm
+    for name in ("none", "published", "icr_radius"):
+        log = runs[name]
+        late = np.flatnonzero(log.time >= begin)[style.thin(len(log.time))]
+        errors = body_errors(_true(log), reference.pose(log.time))
+        ahead, left, _ = factor * errors[late].T
+        for of_name, values in zip(curves, (ahead, left, np.hypot(ahead, left)), strict=True):
+            of_name.append(law_curve(log.time[late], values, name, width=1.2))
+    names = ("ahead", "to the left", "distance")
+    charts = [
+        Chart(
+            "",
+            "time [s]",
+            f"{name} [{unit}]",
+            of_name,
+            1.9,
+            xlim=(begin, reference.duration),
+            span=(TRANSIENT, _arc()[1]),
+            has_zero=True,
+        )
+        for name, of_name in zip(names, curves, strict=True)
+    ]
+    return replace(charts[0], title=title, below=charts[1:])
 
 
-@style.styled
-def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFit]) -> style.Panels:
+def slip_during_tracking(
+    runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFit]
+) -> tuple[Chart, ...]:
     """Fig. 12: the slip that the law predicted at each step, and the true slip, for two
     compensations.
     """
@@ -157,30 +170,28 @@ def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFi
     panels = []
     for name, law in known.items():
         log = runs[name]
-        figure, axes = style.panel(f"Compensated by {name}", "time [s]", "slip i [–]", height=4.2)
-        style.mark_span(axes, TRANSIENT, _arc()[1])
-        style.zero_line(axes)
         by_law = _slip_by(law, log)
         true = _true_slip(log)
         rows = style.thin(len(log.time), 1000)
+        time = log.time[rows]
+        curves = []
         for side, track, colour in (("right", 1, ORANGE), ("left", 0, BLUE)):
-            axes.plot(
-                log.time[rows],
-                by_law[rows, track],
-                color=colour,
-                label=f"{side} track, by the law",
-                **_LAW,
-            )
-            axes.plot(
-                log.time[rows],
-                true[rows, track],
-                color=colour,
-                label=f"{side} track, true",
-                **_TRUE,
-            )
-        axes.set(ylim=_SLIP_RANGE, xlim=(0, paper_reference().duration))
-        style.legend_below(figure, axes.get_legend_handles_labels()[0], ncols=2)
-        panels.append(figure)
+            label = f"{side} track, by the law"
+            predicted = Curve(time, by_law[rows, track], label, colour, 2.2, (0, (3, 1.2)))
+            driven = Curve(time, true[rows, track], f"{side} track, true", colour, 0.8)
+            curves += [predicted, driven]
+        chart = Chart(
+            f"Compensated by {name}",
+            "time [s]",
+            "slip i [–]",
+            curves,
+            4.2,
+            xlim=(0.0, paper_reference().duration),
+            ylim=_SLIP_RANGE,
+            span=(TRANSIENT, _arc()[1]),
+            has_zero=True,
+        )
+        panels.append(chart)
     return tuple(panels)
 
 

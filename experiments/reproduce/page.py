@@ -11,7 +11,6 @@ from markupsafe import Markup
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.table import number, percent
 from experiments.identify.page import method, notes, steady_slip
-from experiments.identify.tables import value_text
 from experiments.identify.turns import Turns
 from experiments.reproduce import figures
 from experiments.reproduce.comparison import comparison_table
@@ -19,6 +18,7 @@ from experiments.simulate.grid_summary import GridSummary
 from experiments.simulate.tracking import TrackingResult, tracking_table
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
+from trackslip.views.values import value_text
 
 TITLE: Final = "Slip of a tracked robot: the paper and its simulation"
 
@@ -89,7 +89,7 @@ def _answer(
     before = 1e3 * final["none"]
     after = 1e3 * final["icr_radius"]
     heading = (
-        f"Compensated slip takes feedforward from {before:.0f} mm off the path to {after:.0f} mm"
+        f"Slip compensation reduces the open-loop final error from {before:.0f} to {after:.0f} mm"
     )
     commands = [f"trackslip view {manifest['config']['out']}", "trackslip benchmark"]
     return Answer(heading, facts, (), warnings, alarms, commands)
@@ -142,10 +142,10 @@ def _closed_loops(
                 partial(figures.tracking_errors_over_time, linear),
                 "Errors with feedback (the paper's Fig. 11)",
                 Markup(
-                    "Position error in the robot's frame, forward (e<sub>x</sub>) and to the "
-                    "left (e<sub>y</sub>), and "
-                    "its norm. Left: the whole run, dominated by the start beside the path. "
-                    "Right: from 12 s on, where "
+                    "Position error in the robot's frame, ahead (e<sub>x</sub>), to the left "
+                    "(e<sub>y</sub>), and "
+                    "its norm, the distance. Left: the whole run, dominated by the start beside "
+                    "the path. Right: from 12 s on, where "
                     "the arc (grey) begins. The controller's gains vanish with the planned "
                     "speed, so nothing corrects "
                     "errors that arise while the robot comes to rest at the end."

@@ -4,23 +4,28 @@ name.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final, Self
 
 import numpy as np
 
 from experiments.common.lookup import controller, locator
 from experiments.common.plain_json import plain
+from experiments.simulate.options import ClosedLoopOptions
+from experiments.simulate.paths import require_compensation, require_controller
 from experiments.simulate.world import World
 from sim.common.seeds import generator
 from sim.fleet.fleet import RunSetup
 from sim.ground.ground import Ground
-from sim.runs.loop import Pilot, Progress, closed_loop
+from sim.runs.loop import MEASURED, Delay, Pilot, Progress, WhenLost, closed_loop
 from sim.runs.run_recorder import Description
+from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation
 from trackslip.trajectory.base import Reference
+
+_MAX_SEED: Final = 2**63
 
 
 @dataclass(frozen=True)
@@ -47,9 +52,7 @@ class ClosedLoopRun:
     controller: str
     """Name of a controller, as in `lookup.controller`."""
     compensation: str
-    """Name of a slip compensation; runs with equal controller and compensation names share both
-    objects.
-    """
+    """Name of a slip compensation."""
     start: Array
     """Start pose (3,) [m, m, rad]."""
     ground: Ground | None = None
@@ -59,6 +62,11 @@ class ClosedLoopRun:
     `ground`.
     """
     metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def controller_seed(self) -> int:
+        """The seed for the controller's random numbers."""
+        return int(generator(self.seed, f"controller {self.key}").integers(_MAX_SEED))
 
     def setup(self, world: World) -> RunSetup:
         """The run's setup in a fleet: start, ground and properties of the robot."""
@@ -87,15 +95,57 @@ class ClosedLoopRun:
         return plain(entries | dict(self.metadata))
 
 
+@dataclass(frozen=True)
+class Loop:
+    """How closed loops get poses and give commands, as in `options.ClosedLoopOptions`."""
+
+    localization: str = "plate"
+    """Source of the controllers' poses: plate, line or truth."""
+    preview: float = 0.0
+    """Time ahead of the present at which controllers are evaluated [s]."""
+    command_delay: Delay = 0.0
+    """Time until a command takes effect [s], or MEASURED."""
+    when_lost: WhenLost = "drive"
+    """What robots do without valid poses."""
+
+    @classmethod
+    def of(cls, options: ClosedLoopOptions) -> Self:
+        """The closed loops that options describe."""
+        return cls(
+            localization=options.localization,
+            preview=options.preview,
+            command_delay=options.command_delay,
+            when_lost=options.when_lost,
+        )
+
+
+def require_able(
+    runs: Sequence[ClosedLoopRun],
+    world: World,
+    path: Reference,
+    compensation: Callable[[str], Compensation],
+) -> None:
+    """Raise InvalidValueError if the path turns on the spot, and the controller or law of a run
+    can't; `compensation` makes a compensation from its name.
+    """
+    limits = world.robot.geometry, world.drive.top_speed, world.config.scanner.period
+    for name in dict.fromkeys(run.controller for run in runs):
+        require_controller(path, name, controller(name, *limits))
+    for name in dict.fromkeys(run.compensation for run in runs):
+        slip = compensation(name)
+        slip.reset(path.pose([0.0]))
+        require_compensation(path, name, slip.law())
+
+
 def drive_closed_loops(
     runs: Sequence[ClosedLoopRun],
     world: World,
     path: Reference,
-    localization: str,
+    loop: Loop,
     compensation: Callable[[str], Compensation],
-    preview: float = 0.0,
     progress: Progress = lambda seconds: None,
     kept: bool = False,
+    watch: Stopwatch | None = None,
 ) -> list[RunLog]:
     """Drive all runs along one path as one fleet.
 
@@ -103,12 +153,14 @@ def drive_closed_loops(
         runs: the N runs.
         world: robot, scanner, drives, and the ground of runs without their own.
         path: the reference.
-        localization: source of the controllers' poses: plate, line or truth.
+        loop: how the robots get poses and commands.
         compensation: makes a compensation from its name.
-        preview: time ahead of the present at which controllers are evaluated [s].
         progress: called with the simulated seconds since the last call, counted once for the whole
             fleet.
         kept: whether the logs keep all ranges in the scans.
+        watch: stopwatch for the control steps of the first run with each controller and
+            compensation, by the run's name. This run has these objects for itself, as on a robot;
+            so have all runs if their commands are late by the measured times.
 
     Raises:
         TrackslipError: for an unknown controller or compensation, or when a robot tips over or a
@@ -122,9 +174,7 @@ def drive_closed_loops(
         logs: dict[int, RunLog] = {}
         for part, report in ((firm, progress), (shearing, lambda seconds: None)):
             some = [runs[k] for k in part]
-            driven = drive_closed_loops(
-                some, world, path, localization, compensation, preview, report, kept
-            )
+            driven = drive_closed_loops(some, world, path, loop, compensation, report, kept, watch)
             logs |= zip(part, driven, strict=True)
         return [logs[k] for k in range(len(runs))]
     limits = world.robot.geometry, world.drive.top_speed, world.config.scanner.period
@@ -134,10 +184,13 @@ def drive_closed_loops(
     starts = np.array([run.start for run in runs])
     pilots = []
     for (name, law), robots in driven_by.items():
-        slip = compensation(law)
-        slip.reset(starts[robots])
-        half_gauge = slip.law().effective_half_gauge(world.robot.geometry)
-        pilots.append(Pilot(controller(name, *limits, half_gauge), robots, slip, preview))
+        for steered in _steered_together(robots, loop, watch):
+            slip = compensation(law)
+            slip.reset(starts[steered])
+            half_gauge = slip.law().effective_half_gauge(world.robot.geometry)
+            seeds = [runs[k].controller_seed for k in steered]
+            made = controller(name, *limits, half_gauge)
+            pilots.append(Pilot(made, steered, slip, loop.preview, loop.when_lost, seeds))
     fleet = world.fleet(starts, [setup.ground for setup in setups])
     if any(run.plant is not None for run in runs):
         fleet.restart(np.arange(len(runs)), setups)
@@ -145,7 +198,18 @@ def drive_closed_loops(
     noise = [scanner.noise if run.plant is None else run.plant.scanner_noise for run in runs]
     random = [generator(run.seed, run.key) for run in runs]
     feed = ScannerFeed(scanner, fleet, random, world.obstacles, kept, noise)
-    common = world.metadata(localization)
+    common = world.metadata(loop.localization)
     descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
-    method = None if localization == "truth" else locator(localization, world.robot)
-    return closed_loop(fleet, pilots, path, feed, method, descriptions, progress)
+    method = None if loop.localization == "truth" else locator(loop.localization, world.robot)
+    return closed_loop(
+        fleet, pilots, path, feed, method, descriptions, progress, watch, loop.command_delay
+    )
+
+
+def _steered_together(robots: list[int], loop: Loop, watch: Stopwatch | None) -> list[list[int]]:
+    """Robots with the same controller and compensation, in groups that share both objects."""
+    if loop.command_delay == MEASURED:
+        return [[robot] for robot in robots]
+    if watch is None or len(robots) == 1:
+        return [robots]
+    return [robots[:1], robots[1:]]

@@ -9,7 +9,13 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
-from sim.runs.run_recorder import SATURATION, SINKING, Saturation, Sinking
+from sim.runs.run_recorder import (
+    SATURATION,
+    SINKING,
+    TOP_SPEED_SHARE,
+    Saturation,
+    Sinking,
+)
 from trackslip.identification.samples import SlipSamples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.exponential import PUBLISHED
@@ -219,12 +225,20 @@ def soil_warnings(logs: Sequence[RunLog]) -> list[str]:
 
 
 def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
-    """A line for each run in which a motor reached its limit."""
-    return [
-        saturation_warning(log.run, saturation)
-        for log in logs
-        if (saturation := saturation_of(log)) is not None
-    ]
+    """A line for each run in which a motor reached its limit, and for each in which set points
+    reached the top speed.
+    """
+    warnings = []
+    for log in logs:
+        saturation = saturation_of(log)
+        if saturation is not None:
+            warnings.append(saturation_warning(log.run, saturation))
+        share = log.metadata.get(TOP_SPEED_SHARE)
+        if share is not None:
+            warnings.append(
+                f"run {log.run!r}: set points at the top speed for {share:.1%} of the time"
+            )
+    return warnings
 
 
 def saturation_warning(run: str, saturation: Saturation) -> str:

@@ -20,6 +20,7 @@ from sim.ground.ground import Ground
 from sim.ground.pull import MAX_FORCE, Pull
 from sim.motors.motor import Drive, Motor, or_tireless
 from sim.robot.parameters import MAX_RADIUS_ERROR
+from sim.runs.loop import MEASURED, Delay, WhenLost
 from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, checked, require_non_negative, require_positive
 
@@ -39,11 +40,13 @@ MAX_THREADS: Final = 1024
 MAX_JOBS: Final = 1024
 MAX_SEED: Final = 2**63 - 1  # largest integer in a Parquet file
 MAX_PREVIEW: Final = 1.0  # [s]
+MAX_DELAY: Final = 1.0  # of a command [s]
 MIN_DURATION: Final = 4.0
 """Shortest run; a shorter one has no steady part to average over [s]."""
 MAX_DURATION: Final = 3600.0
 """Longest run [s]."""
 _MIN_SPEED: Final = 1e-3  # [m/s]
+_ROUNDING: Final = 1e-6  # tolerance on numbers of servo periods
 USUAL_SPEED: Final = 0.3
 """Speed of a robot that nobody asks for another one [m/s]."""
 UsualSpeed = Annotated[
@@ -211,7 +214,7 @@ class Equipment(ResultsOptions):
     def check(self, drive: Drive) -> None:
         """Raise InvalidValueError for options that the robot's drive does not allow."""
         scan_periods = self.scanner.period / drive.period
-        if abs(scan_periods - round(scan_periods)) > 1e-6 or scan_periods < 0.5:
+        if abs(scan_periods - round(scan_periods)) > _ROUNDING or scan_periods < 0.5:
             allowed = f"a rate whose period is a multiple of drive.period = {drive.period} s"
             raise InvalidValueError("scanner.rate", self.scanner.rate, allowed)
 
@@ -220,6 +223,7 @@ WITHOUT_SCANS: Final = Excludes(
     (
         *("scanner.field_of_view", "scanner.resolution", "scanner.noise", "scanner.max_range"),
         *("scanner.dropout", "scanner.quantisation", "scanner.range_bias", "obstacles"),
+        "when_lost",
     ),
     "localization",
     ("truth",),
@@ -229,7 +233,7 @@ WITHOUT_SCANS: Final = Excludes(
 
 @dataclass(frozen=True)
 class ClosedLoopOptions(Equipment):
-    """Options that many closed-loop runs have in common, including their equipment."""
+    """Options that closed-loop runs have in common, including their equipment."""
 
     localization: Literal["plate", "line", "truth"] = "plate"
     """Source of the controllers' poses: scans, by the plate or line method, or the true pose
@@ -239,10 +243,33 @@ class ClosedLoopOptions(Equipment):
     """Time by which controllers look ahead on the path; 0.075 s compensates for the lag of servo
     and sampling [s].
     """
+    command_delay: Annotated[Delay, tyro.conf.arg(metavar="FLOAT|measured")] = 0.0
+    """Time until a command takes effect, a multiple of drive.period, or measured for the computing
+    time of each step [s].
+    """
+    when_lost: WhenLost = "drive"
+    """What to do after 0.5 s without a valid pose: drive on by the encoders, slow down to half the
+    path's speed, or stop.
+    """
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws: a summary.json, or a folder that contains one."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (WITHOUT_SCANS,)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.command_delay != MEASURED:
+            Within(0, MAX_DELAY, "s").check("command_delay", self.command_delay)
+
+    def check(self, drive: Drive) -> None:
+        """Raise InvalidValueError for options that the robot's drive does not allow."""
+        super().check(drive)
+        if isinstance(self.command_delay, str):
+            return
+        periods = self.command_delay / drive.period
+        if abs(periods - round(periods)) > _ROUNDING:
+            allowed = f"a multiple of drive.period = {drive.period} s"
+            raise InvalidValueError("command_delay", self.command_delay, allowed)
 
 
 @dataclass(frozen=True)

@@ -2,17 +2,18 @@
 
 from dataclasses import replace
 
+from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
-from experiments.simulate.motors import print_motors
+from experiments.simulate.motors import without_motors
 from experiments.train.config import TRAVERSE, Config
 from experiments.train.crossing import crossing_rates, crossing_table
+from experiments.train.page import page, smoke_test
 from experiments.train.tasks import learning_task
 from experiments.train.training import (
     ONNX,
     POLICY,
     UNFINISHED,
     learn,
-    learning_curve,
     model_of,
     network_of,
     resume,
@@ -59,16 +60,23 @@ def run(config: Config) -> None:
             rates = crossing_rates(
                 policy, config.difficulty, config.trials, config.seed, config.threads
             )
-        run.write({"steps": model.num_timesteps, "curve": curve, "rates": rates}, seed=config.seed)
-        learning_curve(curve).savefig(run.folder / "curve.png", dpi=160)
-    if changed:
-        print(
-            f"Warning: {', '.join(changed)} changed since the checkpoint: all robots began new "
-            "episodes, with new random numbers."
-        )
+        steps = model.num_timesteps
+        manifest = run.manifest(seed=config.seed)
+        run.write({"steps": steps, "curve": curve, "rates": rates}, manifest=manifest)
+        notes = without_motors(task.robot, task.drive)
+        if changed:
+            notes.insert(
+                0,
+                f"{', '.join(changed)} changed since the checkpoint: all robots began new "
+                "episodes, with new random numbers",
+            )
+        page(config, steps, curve, rates, notes, manifest).write(run.folder, config.pdf)
     for point in (curve[0], curve[-1]):
         print(f"{point['steps']:>10,} steps: mean reward per step {point['reward']:.3f}")
     if rates:
         crossing_table(f"Unseen courses, {config.trials} in each row", rates).print()
-    print_motors(task.robot, task.drive)
-    print(f"{config.out / ONNX}: {model.num_timesteps:,} steps in {run.wall:.0f} s")
+    for note in notes:
+        print(f"Note: {note}.")
+    if line := smoke_test(steps):
+        print(f"Warning: {line}.")
+    print(f"{config.out / ONNX}, {REPORT_FILE}: {steps:,} steps in {run.wall:.0f} s")

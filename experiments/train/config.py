@@ -33,9 +33,21 @@ EXAMPLES: Final = (
     ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
     (
         "to cross courses",
-        "trackslip train --env traverse --courses rails stairs_up --difficulty 0.2 0.6",
+        "trackslip train --env traverse --courses rails stairs_up --out out/rails",
     ),
-    ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
+    ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/quick"),
+)
+ESSENTIAL: Final = (
+    "env",
+    "steps",
+    "references",
+    "grounds",
+    "compensation",
+    "robot",
+    "courses",
+    "resume",
+    "out",
+    "overwrite",
 )
 TRAVERSE: Final = "traverse"
 _MAX_ROWS: Final = 4_000_000  # control periods between two updates, of about 300 bytes each
@@ -129,7 +141,9 @@ class Config(ResultsOptions):
     resume: bool = False
     """Resume from the last checkpoint in OUT instead of starting again."""
     out: Path = Path("out/train")
-    """Folder for the policy, its checkpoints and the training curve."""
+    """Folder for the policy, its checkpoints and the report."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("courses", "difficulty", "trials"), "env", (TRAVERSE,)),
@@ -149,3 +163,8 @@ class Config(ResultsOptions):
         known = ("random", *FTR_NAMES)
         for course in self.courses:
             require(course in known, "courses", course, f"some of {', '.join(known)}")
+
+    @property
+    def runs_anew(self) -> bool:
+        """Whether a training starts again or continues."""
+        return self.overwrite or self.resume

@@ -1,6 +1,6 @@
 """Tests of the policy and the scripted controller on unseen courses."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -78,7 +78,7 @@ def _rate(task: Crossing) -> dict[str, Any]:
     }
 
 
-def crossing_table(title: str, rows: Sequence[dict[str, Any]]) -> Table:
+def crossing_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     """A table with a row per course, difficulty and controller."""
     header = (
         "course",
@@ -93,7 +93,7 @@ def crossing_table(title: str, rows: Sequence[dict[str, Any]]) -> Table:
     return Table(title, header, [_cells(row) for row in rows])
 
 
-def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     low = 100 * row["low"]
     high = 100 * row["high"]
     return (

@@ -1,4 +1,4 @@
-"""Training with PPO: the model with its checkpoints, its network and its learning curve.
+"""Training with PPO: the model with its checkpoints and its network.
 
 A checkpoint has everything that the rest of a training depends on: weights, optimiser, counters,
 robots and random generators. A training that was stopped and resumed with the same options gives
@@ -12,14 +12,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from experiments.common.colours import BLUE, GREY
 from experiments.common.manifest import content
 from experiments.common.plain_json import plain
 from experiments.common.progress import progress
 from experiments.common.results import write_whole
-from experiments.common.style import panel
 from experiments.train.config import ENVIRONMENT, Config
 from experiments.train.tasks import LearningTask
 from sim.common.array_file import read_nested, write_nested
@@ -35,7 +32,6 @@ UNFINISHED: Final = Path(STORE) / CHECKPOINT
 FORMAT: Final = "trackslip checkpoint 1"
 _PICKLED: Final = ".checkpoint.zip", "checkpoint.zip"  # the checkpoints of older versions
 _MIN_RATE: Final = 0.05  # final over initial learning rate
-_SMOOTH: Final = 7  # number of points in a running mean of the curve
 
 
 def last_checkpoint(out: Path) -> Path:
@@ -251,19 +247,3 @@ def network_of(model: Any) -> Network:
     weights = tuple(layer.weight.detach().numpy().T.astype(float) for layer in layers)
     biases = tuple(layer.bias.detach().numpy().astype(float) for layer in layers)
     return Network(weights, biases)
-
-
-def learning_curve(curve: Sequence[dict[str, float]]) -> Figure:
-    """A figure of the reward against training steps, with a running mean as a line."""
-    figure, axes = panel(
-        "reward per step", "steps of all robots [thousand]", "mean of all robots [-]"
-    )
-    points = np.array([(point["steps"] / 1000, point["reward"]) for point in curve])
-    steps, reward = points.T
-    axes.plot(steps, reward, ".", color=GREY, ms=3)
-    if len(points) >= _SMOOTH:
-        window = np.ones(_SMOOTH) / _SMOOTH
-        smooth_steps = np.convolve(steps, window, "valid")
-        smooth_reward = np.convolve(reward, window, "valid")
-        axes.plot(smooth_steps, smooth_reward, color=BLUE)
-    return figure

@@ -27,6 +27,10 @@ from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
 
+SLIP_BOUND: Final = 0.002
+"""Largest deviation of slips in turns from theory [-]."""
+SLIDING_BOUND: Final = 0.05
+"""Largest deviation of accelerations on slopes from theory, relative to them [-]."""
 # slope that robots climb and park on, if friction holds them on twice that slope
 _GENTLE: Final = math.radians(10.0)
 _MARGIN: Final = math.radians(
@@ -122,7 +126,7 @@ def check_turns(checks: Checks) -> Turns:
     bound = 0.01 if setup.parameters.axles else 0.005
     turns = drive_steadily(setup, paper_turns(setup.parameters)[2])
     checks.add("b + D in turns", turns.half_width, bound * turns.half_width[0], "m", _BALANCE)
-    checks.add("slip in turns", turns.slip, 0.002, "1", _BALANCE)
+    checks.add("slip in turns", turns.slip, SLIP_BOUND, "1", _BALANCE)
 
     # turns on the spot
     belts = scale * np.outer([0.06, 0.12, 0.24], [-1.0, 1.0])
@@ -191,7 +195,8 @@ def check_sliding(checks: Checks) -> dict[str, Array]:
         slopes = limit + np.radians([2.0, 3.0, 4.0])
         simulated = _sliding(checks.setup, heading, limit, slopes)
         expected = GRAVITY * (np.sin(slopes) - np.cos(slopes) * friction)
-        checks.add(what, [expected, simulated], 0.05 * expected, "m/s^2", _COULOMB)
+        allowed = SLIDING_BOUND * expected
+        checks.add(what, [expected, simulated], allowed, "m/s^2", _COULOMB)
         measured[direction] = np.stack([slopes, expected, simulated])
     return measured
 

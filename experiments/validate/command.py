@@ -2,6 +2,7 @@
 
 import math
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -35,8 +36,13 @@ _UNITS: Final = {
     "rad": (math.degrees(1.0), "°"),
     "m/s^2": (1.0, "m/s²"),
 }
+_CHECKS: Final = (
+    "Simulated minus theory, over the bound: each check holds within the shaded part. Each row "
+    "shows the value that is closest to its bound."
+)
 _CAPTION: Final = (
-    "Lines: theory, and Coulomb's law on slopes that don't hold the robot. Symbols: simulated."
+    "Simulated minus theory in every turn and, for accelerations, minus Coulomb's law on slopes "
+    "that don't hold the robot. Shaded: the bounds."
 )
 _NOTE: Final = "Each row shows the value that is closest to its bound."
 
@@ -79,9 +85,13 @@ def run(config: Config) -> None:
         following = [f"trackslip grid --robot {config.robot}"]
         answer = Answer(checks.verdict, facts, lines, alarms=alarms, next=following)
         radius, speed, _ = paper_turns(parameters)
-        drawn = figures.panels(turns, radius, speed, sliding)
-        plot = Plot("motion", drawn, "Turns and slopes", _CAPTION)
-        sections = [Section("Theory beside measured", [table, plot])]
+        summary = partial(figures.checks_figure, checks.done)
+        drawn = partial(figures.deviations, turns, radius, speed, sliding)
+        plots = [
+            Plot("checks", summary, "All checks", _CHECKS),
+            Plot("deviations", drawn, "Turns and slopes", _CAPTION),
+        ]
+        sections = [Section("Simulated minus theory", [plots[0], table, plots[1]])]
         manifest = run.manifest(
             seed=config.seed, robot=parameters, ground=ground, model_sha256=setup.robot().digest
         )

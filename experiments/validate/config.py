@@ -9,8 +9,14 @@ from experiments.simulate.options import GroundOptions, Repeatable, RobotSource
 
 EXAMPLES: Final = (
     ("the shipped robot", "trackslip validate"),
-    ("a calibrated robot", "trackslip validate --robot out/calibrate/robot.toml"),
-    ("on ground that shears", "trackslip validate --robot husky --ground firm_sand"),
+    (
+        "a calibrated robot",
+        "trackslip validate --robot out/calibrate/robot.toml --out out/validate-own",
+    ),
+    (
+        "on ground that shears",
+        "trackslip validate --robot husky --ground firm_sand --out out/validate-sand",
+    ),
 )
 
 

@@ -2,29 +2,18 @@
 
 import shlex
 from functools import partial
-from math import degrees
-from typing import Any, Final
+from typing import Any
 
-from experiments.common.results import RUNS_FILE, bags_text, write_bags
+from experiments.common.results import REPORT_FILE, bags_text, write_bags
 from experiments.common.run import Run
-from experiments.common.table import Table
 from experiments.recorder import record_all
-from experiments.simulate.motors import print_motors
+from experiments.simulate.motors import without_motors
 from experiments.simulate.world import World
 from experiments.wander.config import Config
 from experiments.wander.drives import bag_contents, drive_contents, wander
+from experiments.wander.page import drives_table, page
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import counted
-
-_HEADER: Final = (
-    "drive",
-    "rows",
-    "poses",
-    "distance [m]",
-    "turned left [deg]",
-    "right [deg]",
-    "at rest",
-)
 
 
 def run(config: Config) -> None:
@@ -45,23 +34,20 @@ def run(config: Config) -> None:
                 names = [log.run for log in logs]
                 about = partial(bag_contents, config, world)
                 summary["bags"] = write_bags(run.folder, names, logs, about)
-        run.write(summary, logs, simulated, **world.about)
+        manifest = run.manifest(**world.about)
+        run.write(summary, logs, simulated, manifest)
+        notes = without_motors(config.robot, world.drive)
+        with run.busy("report"):
+            page(config, logs, contents, notes, manifest).write(run.folder, config.pdf)
         if config.rrd:
             with run.busy("recording"):
                 record_all(run.folder, logs)
-    rows = []
-    for drive in contents:
-        turns = (f"{degrees(drive['turned_left']):.0f}", f"{degrees(drive['turned_right']):.0f}")
-        counts = (str(drive["readings"]), str(drive["poses"]))
-        rows.append(
-            (drive["run"], *counts, f"{drive['way']:.1f}", *turns, f"{drive['standing']:.0%}")
-        )
-    title = f"Drives, with poses of {config.source.source} at {config.source.poses().rate:g} Hz"
-    Table(title, _HEADER, rows).print()
-    print_motors(config.robot, world.drive)
+    drives_table(config, contents).print()
+    for note in notes:
+        print(f"Note: {note}.")
     if config.bag:
         print(bags_text(config.out, summary["bags"]))
     print(
-        f"{config.out / RUNS_FILE}: {run.wall:.1f} s; next: trackslip identify "
+        f"{config.out / REPORT_FILE}: {run.wall:.1f} s; next: trackslip identify "
         f"{shlex.quote(str(config.out))}"
     )

@@ -24,12 +24,27 @@ EXAMPLES: Final = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
     (
         "a late clock and a jump",
-        "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5",
+        "trackslip wander --source.delay 0.15 --source.jumps 1 --out out/late",
     ),
     (
         "a minute as a ROS 2 bag, with scans",
-        "trackslip wander --duration 60 --source scanner --bag",
+        "trackslip wander --duration 60 --source scanner --bag --out out/bag",
     ),
+)
+ESSENTIAL: Final = (
+    "driving",
+    "drives",
+    "duration",
+    "source.source",
+    "source.delay",
+    "source.ahead",
+    "robot",
+    "ground.source",
+    "seed",
+    "bag",
+    "rrd",
+    "out",
+    "overwrite",
 )
 # limits for the rate of the encoders [Hz]
 _MIN_RATE: Final = 5.0
@@ -123,6 +138,8 @@ class Config(Simulation):
     """Also write a ROS 2 bag of each drive to OUT/bags, with scans from --source scanner."""
     out: Path = Path("out/wander")
     """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
     scanner: Annotated[LaserScanner, tyro.conf.Fixed, tyro.conf.Suppress] = field(
         default_factory=LaserScanner
     )

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from sim.bags.topics import START, Publication, RunTopics, command_topic, definitions, messages
+from trackslip.arguments import checks_arguments
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
@@ -34,6 +35,7 @@ def require_topic(name: str, field: str = "topic") -> None:
     require(_TOPIC.fullmatch(name), field, name, allowed)
 
 
+@checks_arguments
 def write_bag(
     log: RunLog,
     path: str | Path,

@@ -20,7 +20,7 @@ import scipy.stats
 from sim.calibration.candidate import OF_SENSOR, PARAMETERS, Candidate
 from sim.calibration.targets import Target
 from sim.runs.loop import Progress
-from trackslip.errors import InvalidValueError, require
+from trackslip.errors import InvalidValueError, require, require_one_of
 from trackslip.intervals import newton_steps
 from trackslip.kinematics import Array
 
@@ -105,7 +105,7 @@ def calibrate(
 
 def _checked(free: Sequence[str], target: Target) -> tuple[str, ...]:
     for name in free:
-        require(name in PARAMETERS, "free", name, f"one of {', '.join(PARAMETERS)}")
+        require_one_of("free", name, PARAMETERS)
         require(list(free).count(name) == 1, "free", name, "named once")
     same = {"radius_left", "radius_right"} & set(free)
     if "radius_error" in free and same:

@@ -88,6 +88,16 @@ class Layout:
         return int(self.cluster.max()) + 1
 
 
+@dataclass(frozen=True)
+class Compared:
+    """A quantity as it was measured and as a candidate simulates it."""
+
+    name: str
+    unit: str
+    measured: Array  # (m,)
+    simulated: Array  # (m,), NaN where the simulation has none
+
+
 class Target(Protocol):
     """Data on a robot's motion: n measured numbers."""
 
@@ -100,6 +110,9 @@ class Target(Protocol):
 
     def metrics(self, errors: Array) -> dict[str, float]:
         """Summary of errors (n,), without those that are NaN."""
+
+    def compared(self, errors: Array) -> list[Compared]:
+        """The measured quantities beside those of a candidate with these errors (n,)."""
 
 
 # radii [m] and speeds [m/s] (2, M)
@@ -161,6 +174,18 @@ class PublishedTurns:
         slip = slip[np.isfinite(slip)] * SLIP_SCALE
         radius = np.expm1(radius[np.isfinite(radius)] * _RADIUS_SCALE)
         return {"slip_rms": rms(slip), "radius_rms": rms(radius)}
+
+    def compared(self, errors: Array) -> list[Compared]:
+        """The slips of the inner and the outer track [-] and the radii [m] of all turns."""
+        slip, radius = np.split(errors, [2 * len(_OBSERVED)])
+        inner, outer = PUBLISHED(1 / _OBSERVED).T  # the left track is the inner one
+        inner_error, outer_error = SLIP_SCALE * slip.reshape(-1, 2).T
+        driven = _OBSERVED * np.exp(_RADIUS_SCALE * radius)
+        return [
+            Compared("slip, inner track", "–", inner, inner + inner_error),
+            Compared("slip, outer track", "–", outer, outer + outer_error),
+            Compared("radius", "m", _OBSERVED, driven),
+        ]
 
 
 @dataclass(frozen=True)
@@ -247,6 +272,14 @@ class SteadyRows:
         slip -= self.samples.slip[rows]
         metrics["slip_rms"] = rms(slip[np.isfinite(slip)])
         return metrics
+
+    def compared(self, errors: Array) -> list[Compared]:
+        """The speeds v and w and, where they are known, lateral speeds of all rows."""
+        simulated = self._measured.copy()
+        simulated[np.isfinite(self._measured)] += errors
+        names = (("v", "m/s"), ("w", "rad/s"), ("lateral speed", "m/s"))
+        quantities = zip(names, self._measured, simulated, strict=False)
+        return [Compared(name, unit, *values) for (name, unit), *values in quantities]
 
 
 def steady_turns(
@@ -379,6 +412,19 @@ class Drives:
                 metrics[f"{prefix}_p90"] = float(np.quantile(size, 0.9))
                 metrics[f"{prefix}_rms"] = float(rms(size))
         return metrics
+
+    def compared(self, errors: Array) -> list[Compared]:
+        """The motion forwards, to the left and in heading over the longest horizon."""
+        longest = float(self.horizon.max())
+        rows = self.horizon == longest
+        measured = self._measured[rows]
+        simulated = measured + errors.reshape(-1, 3)[rows]
+        names = (("forwards", "m"), ("to the left", "m"), ("turned", "rad"))
+        quantities = zip(names, measured.T, simulated.T, strict=True)
+        return [
+            Compared(f"{name} in {longest:g} s", unit, *values)
+            for (name, unit), *values in quantities
+        ]
 
 
 @dataclass(frozen=True)

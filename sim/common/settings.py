@@ -18,7 +18,7 @@ from pathlib import Path, PurePath
 from types import NoneType, UnionType
 from typing import Any, Final, TypeVar
 
-from trackslip.errors import InvalidValueError, SettingsFileError, require
+from trackslip.errors import InvalidValueError, SettingsFileError, one_of, require, require_one_of
 from trackslip.files import read_text, reason
 
 T = TypeVar("T")
@@ -71,7 +71,7 @@ def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
     path = Path(source)
     # Path.exists fails for long names
     is_file = source and (path.suffix.lower() == ".toml" or os.path.exists(path))
-    require(is_file, field, source, f"one of {', '.join(names)}, or a .toml file")
+    require(is_file, field, source, one_of(names, source, ", or a .toml file"))
     return read_toml(path)
 
 
@@ -130,7 +130,7 @@ def options_of(field: str, options: object, hints: Mapping[str, Any]) -> dict[st
     require(isinstance(options, Mapping), field, options, "a dictionary")
     assert isinstance(options, Mapping)
     for name in options:
-        require(name in hints, field, name, f"one of {', '.join(hints)}")
+        require_one_of(field, name, hints)
     return {name: converted(name, value, hints[name]) for name, value in options.items()}
 
 

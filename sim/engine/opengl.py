@@ -8,6 +8,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable
+from ctypes.util import find_library
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,12 @@ def has_display() -> bool:
     return sys.platform != "linux" or bool(
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     )
+
+
+def may_draw() -> bool:
+    """Whether MuJoCo may be able to render: there is a display, a chosen OpenGL library, or EGL."""
+    is_chosen = bool(os.environ.get("MUJOCO_GL"))
+    return has_display() or is_chosen or find_library("EGL") is not None
 
 
 def prefer_egl() -> None:

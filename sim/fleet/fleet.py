@@ -21,6 +21,7 @@ from sim.motors.sprockets import Forecast, Sprockets
 from sim.robot.parameters import MAX_RADIUS_ERROR, SINK, TRACKS
 from sim.robot.robot import Robot
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.errors import require
 from trackslip.kinematics import Array
 
@@ -31,6 +32,7 @@ _TURN: Final = 2 * np.pi
 _ROUNDING: Final = 1e-9  # tolerance on times [s]
 
 
+@checks_arguments
 class Fleet(Simulations):
     """N robots on their grounds. Results are bitwise identical for equal arguments and any number
     of threads.

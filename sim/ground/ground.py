@@ -10,11 +10,13 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from sim.common.settings import build, read_named
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     InvalidValueError,
     SettingsFileError,
     checked,
+    one_of,
     require,
     require_at_most,
     require_non_negative,
@@ -84,6 +86,7 @@ class Change:
         require_non_negative("time", self.time)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Ground(Checked):
     """A plane with friction along and across the tracks.
@@ -220,6 +223,7 @@ Ground Vehicles (2008), for angles of friction, quoted second-hand.
 """
 
 
+@checks_arguments
 def load_ground(source: str) -> Ground:
     """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground
     to be changed. A table `soil` has fields of `Soil`; what it leaves out is the base's.
@@ -232,9 +236,7 @@ def load_ground(source: str) -> Ground:
     table = read_named("ground", source, NAMED_GROUNDS)
     base = table.pop("base", "stone")
     if not isinstance(base, str) or base not in NAMED_GROUNDS:
-        raise SettingsFileError(
-            f"{source}: base = {base!r}: must be one of {', '.join(NAMED_GROUNDS)}"
-        )
+        raise SettingsFileError(f"{source}: base = {base!r}: must be {one_of(NAMED_GROUNDS, base)}")
     ground = NAMED_GROUNDS[base]
     if "soil" in table:
         table["soil"] = _soil_table(table["soil"], ground.soil, source)

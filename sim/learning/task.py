@@ -12,7 +12,6 @@ weight or scale. After a step, such a function gets the task
 
 from __future__ import annotations
 
-import importlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import Checked, InvalidValueError, require, require_positive
+from trackslip.inputs import import_own
 from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
 
@@ -74,7 +74,7 @@ def function(name: str) -> Callable[[Any], Any]:
     """Import the function MODULE:NAME; raises InvalidValueError if it doesn't exist."""
     module, _, attribute = name.partition(":")
     try:
-        chosen = getattr(importlib.import_module(module), attribute)
+        chosen = getattr(import_own(module), attribute)
     except (Exception, SystemExit) as error:  # anything from a user's module
         raise InvalidValueError(
             "function", name, f"MODULE:NAME ({type(error).__name__}: {error})"

@@ -24,6 +24,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     SettingsFileError,
@@ -164,6 +165,7 @@ class Motor(Checked):
         return torque * omega + self.resistance * current**2
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Drive(Checked):
     """Servo and motor of a sprocket. The defaults are the shipped robot's, of which only the top

@@ -12,28 +12,39 @@ import numpy as np
 from sim.ground.ground import Ground, load_ground
 from sim.ground.pull import Pull
 from sim.learning.task import MAX_WEIGHT, Element, Floats, OwnTerms
+from sim.motors.motor import or_tireless
 from sim.path_tracking.randomization import Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     checked,
     require,
     require_at_most,
     require_non_negative,
+    require_one_of,
     require_positive,
     require_whole,
     require_within,
 )
-from trackslip.kinematics import Array
-from trackslip.laws.base import SlipLaw
-from trackslip.online.compensation import KNOWN_LAWS
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.base import TURNING_LAWS, SlipLaw
+from trackslip.laws.file import SHIPPED as SHIPPED_LAWS
+from trackslip.online.compensation import KNOWN_LAWS, named_compensation
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.named import load_reference
+from trackslip.trajectory.path import LIMITS, MIN_SPEED
+from trackslip.trajectory.turns import require_turns
+from trackslip.trajectory.waypoints import MAX_TOLERANCE, TOLERANCE_SHARE
 
 PERIOD: Final = 0.05
 """Control period: the time between actions and between scans [s]."""
 _ACTIONS: Final = ("sprockets", "twist")
 _POSE_SOURCES: Final = ("truth", "noisy", "scanner")
+MAX_SPEED: Final = 10.0
+"""Largest speed along a path [m/s]."""
 _MAX_PREVIEWS: Final = 100
 _MIN_OFF_PATH: Final = 0.001  # [m]
 _MIN_SCALE: Final = 1e-6  # in the scale's own unit
@@ -100,6 +111,7 @@ def _bounded_square(z: Array) -> Array:
     return square / (1 + square)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class EnvConfig(OwnTerms):
     """Options of a path-tracking task."""
@@ -107,6 +119,12 @@ class EnvConfig(OwnTerms):
     reference: str | tuple[str, ...] = "paper"
     """Name of a reference, or a .csv file of waypoints; each episode draws one if there are
     several.
+    """
+    speed: float = checked(LIMITS.speed, require_within, MIN_SPEED, MAX_SPEED, "m/s")
+    """Speed along the paths of .csv files, lower in bends [m/s]."""
+    tolerance: float | None = None
+    """Distance by which a path may miss the points of a .csv file where that smooths bends; None
+    for a tenth of the robot's half gauge [m].
     """
     ground: str | tuple[str, ...] = "stone"
     """Name of a ground, a .toml file, or "robot" for the ground in the robot's file; each episode
@@ -159,6 +177,8 @@ class EnvConfig(OwnTerms):
         super().__post_init__()
         _require_choice("action", self.action, _ACTIONS)
         _require_choice("pose_source", self.pose_source, _POSE_SOURCES)
+        if self.tolerance is not None:
+            require_within("tolerance", self.tolerance, 0.0, MAX_TOLERANCE, "m")
         self._require_compensation()
         for name, names in (("reference", self.reference), ("ground", self.ground)):
             valid = names and all(isinstance(value, str) for value in _several(names))
@@ -215,6 +235,27 @@ class EnvConfig(OwnTerms):
         """Shape and mass of the robot."""
         return self._robot_file[0]
 
+    def load_reference(self, name: str) -> Reference:
+        """A reference by name or from a file; raises TrackslipError for unknown names, and for one
+        that turns on the spot where the law of the compensation doesn't hold.
+        """
+        robot = self.parameters
+        tolerance = self.tolerance
+        if tolerance is None:
+            tolerance = TOLERANCE_SHARE * robot.half_gauge
+        limits = LIMITS
+        if self.speed != LIMITS.speed:
+            limits = LIMITS.scaled(self.speed, or_tireless(robot.drive).top_speed)
+        reference = load_reference(name, limits, tolerance)
+        law = self.compensation
+        if isinstance(law, str):
+            geometry = RobotGeometry(robot.half_gauge, robot.sprocket_radius)
+            compensation = named_compensation(law, geometry, self.laws or SHIPPED_LAWS)
+            compensation.reset(reference.pose([0.0]))
+            law = compensation.law()
+        require_turns(reference, "compensation", str(self.compensation), law, TURNING_LAWS)
+        return reference
+
     def load_ground(self, name: str) -> Ground:
         """A ground by name, or "robot" for the ground in the robot's file; raises TrackslipError
         for unknown names.
@@ -258,7 +299,7 @@ class EnvConfig(OwnTerms):
 
 
 def _require_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    require(value in choices, name, value, f"one of {', '.join(choices)}")
+    require_one_of(name, value, choices)
 
 
 def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:

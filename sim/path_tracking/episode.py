@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -20,7 +20,7 @@ from trackslip import se2
 from trackslip.errors import require, require_at_most, require_finite, require_within
 from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
-from trackslip.trajectory.named import load_reference
+from trackslip.trajectory.base import Reference
 
 _OPTIONS: Final = {
     "reference": str,
@@ -141,11 +141,14 @@ class ReferenceTable(Restorable):
 
     STATE = ("names", "last", "_pose", "_twists")
 
-    def __init__(self, names: Iterable[str], steps: Index) -> None:
+    def __init__(
+        self, names: Iterable[str], steps: Index, load: Callable[[str], Reference]
+    ) -> None:
         """Tabulate the references `names`, with twists `steps` (K,) control periods ahead,
-        ascending from 0.
+        ascending from 0. `load` builds a reference from its name.
         """
         self._steps = steps
+        self._load = load
         self.names: tuple[str, ...] = ()  # names of the references, in the order of the rows
         self.last: Index = np.empty(0, int)  # last control period (R,) of each reference
         self._pose: Array = np.empty((0, 1, 3))
@@ -158,7 +161,7 @@ class ReferenceTable(Restorable):
         name.
         """
         if name not in self.names:
-            reference = load_reference(name)
+            reference = self._load(name)
             last = math.ceil(reference.duration / PERIOD - _ROUNDING)
             now = np.arange(last + self._steps[-1] + 1)  # after its end, the reference stands still
             later = np.minimum(now[:, None] + self._steps, now[-1])

@@ -14,6 +14,7 @@ from sim.fleet.fleet import RunSetup
 from sim.ground.ground import MAX_FRICTION, MAX_SHEAR, MAX_SLOPE, Ground, Patch
 from sim.motors.motor import Drive, or_tireless
 from sim.robot.parameters import MAX_RADIUS_ERROR, RobotParameters
+from trackslip.arguments import checks_arguments
 from trackslip.errors import Checked, checked, require, require_range
 from trackslip.kinematics import Array
 
@@ -31,6 +32,7 @@ def _require_drawn(field: str, ends: Range | None, low: float, high: float) -> N
         require_range(field, ends, low, high)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Randomization(Checked):
     """Ranges (from, to) from which each episode draws. By default, all episodes are equal."""

@@ -74,8 +74,13 @@ class PathRenderer(TaskRenderer):
         radius = self._tracking.config.parameters.sprocket_radius
         travel = self._tracking.fleet.drive.angle[row] * radius
         self.looks.draw(scene, self.data, travel[self.looks.track_side])
-        _draw_line(scene, self._tracking.path(row)[:, :2], _PATH)
+        draw_path(scene, self._tracking.path(row)[:, :2])
         _draw_line(scene, self._trails[row], _TRAIL)
+
+
+def draw_path(scene: mujoco.MjvScene, points: Array) -> None:
+    """Append a reference path through points (n, 2) to a scene."""
+    _draw_line(scene, points, _PATH)
 
 
 def _draw_line(scene: mujoco.MjvScene, points: Array | list[Array], line: _Line) -> None:

@@ -14,18 +14,21 @@ from numpy.typing import ArrayLike, NDArray
 from sim.common.settings import converted
 from sim.fleet.fleet import Fleet
 from sim.learning.task import Element, Floats, Task
+from sim.motors.motor import or_tireless
 from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
 from sim.path_tracking.randomization import MAX_LATENCY, Randomization
 from sim.robot.robot import load_robot
 from sim.runs.pose_source import NoisyPose, ScannedPose, TruePose
 from sim.scanner.feed import ScannerFeed
-from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
+from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, track_speeds
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.file import SHIPPED
 from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import LOST, body_errors
 from trackslip.online.compensation import Compensation, SensesLoad, known_law, named_compensation
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.drivable import require_drivable
 
 _TIPPED: Final = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
 _STANDING: Final = 0.05  # sprocket speed below which a track's slip counts as 0 [rad/s]
@@ -61,7 +64,16 @@ class PathTracking(Task):
         """
         robot = load_robot(parameters=config.parameters)
         previews = np.arange(config.previews + 1) * config.stride
-        self.table = ReferenceTable(config.references, previews)
+        top_speed = or_tireless(config.parameters.drive).top_speed
+        law = _first_law(config, robot.geometry)
+
+        def drivable(name: str) -> Reference:
+            """A reference that the robots can follow; raises InvalidValueError for others."""
+            reference = config.load_reference(name)
+            require_drivable("reference", name, reference, law, robot.geometry, top_speed)
+            return reference
+
+        self.table = ReferenceTable(config.references, previews, drivable)
         begin = np.tile(self.table.path(0)[0], (size, 1))
         self.fleet = Fleet(
             robot,
@@ -75,11 +87,11 @@ class PathTracking(Task):
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
         commanded = _commanded(config, self.fleet.drive.limit)
         super().__init__(config, size, PERIOD, self.layout.elements, commanded)
-        self._source = _pose_source(config, self.fleet)
-        self._compensation = _compensation(config, self.fleet)
+        self._compensation = _compensation(config, robot.geometry)
         # stored because the check of a protocol is slow
         self._senses_load = isinstance(self._compensation, SensesLoad)
         self._compensation.reset(begin)
+        self._source = _pose_source(config, self.fleet, self._compensation)
         # (1, 2) units of the actions
         self._unit = np.array([[element.scale for element in self.commanded]])
         self._reference: Index = np.zeros(size, int)
@@ -250,16 +262,25 @@ def _commanded(config: EnvConfig, limit: float) -> tuple[Element, Element]:
     return Element("speed", "m/s", speed), Element("yaw rate", "rad/s", rate)
 
 
-def _pose_source(config: EnvConfig, fleet: Fleet) -> TruePose:
+def _pose_source(config: EnvConfig, fleet: Fleet, compensation: Compensation) -> TruePose:
     if config.pose_source == "truth":
         return TruePose(fleet)
     if config.pose_source == "noisy":
         position = config.position_noise
         return NoisyPose(fleet, (position, position, config.heading_noise))
-    return ScannedPose(fleet, ScannerFeed(config.scanner, fleet), PlateLocator(fleet.robot.plate))
+    feed = ScannerFeed(config.scanner, fleet)
+    locator = PlateLocator(fleet.robot.plate)
+    return ScannedPose(fleet, feed, locator, [(range(fleet.size), compensation)])
 
 
-def _compensation(config: EnvConfig, fleet: Fleet) -> Compensation:
+def _compensation(config: EnvConfig, geometry: RobotGeometry) -> Compensation:
     if isinstance(config.compensation, SlipLaw):
         return known_law(config.compensation)
-    return named_compensation(config.compensation, fleet.robot.geometry, config.laws or SHIPPED)
+    return named_compensation(config.compensation, geometry, config.laws or SHIPPED)
+
+
+def _first_law(config: EnvConfig, geometry: RobotGeometry) -> SlipLaw:
+    """The law with which an episode begins."""
+    compensation = _compensation(config, geometry)
+    compensation.reset(np.zeros((1, 3)))
+    return compensation.law()

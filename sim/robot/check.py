@@ -23,6 +23,7 @@ from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked
 from sim.robot.urdf import engine_errors
 from sim.robot.wheels import colliding
+from trackslip.arguments import checks_arguments
 from trackslip.errors import RobotWarning, TrackslipError, counted
 
 _G: Final = 9.81  # [m/s^2]
@@ -51,6 +52,7 @@ class RobotCheck:
         return "\n".join(lines)
 
 
+@checks_arguments
 def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
     """Check a robot, by name or file, and collect all of its faults instead of stopping at the
     first error.

@@ -14,6 +14,7 @@ from sim.tracks import Track
 from sim.tracks.belts import STANDS
 from sim.tracks.hull import Hull, wheel_numbers
 from sim.tracks.recipe import Preset
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     checked,
@@ -67,6 +68,7 @@ class FlipperMotor(Checked):
         require(low < high, "limits", list(self.limits), "the smallest and the largest angle")
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class RunningGear(Checked):
     """A track, a pair of tracks, rows of wheels or skids on one body; a table `tracks` in a robot

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from sim.common.settings import build
 from sim.robot.gear import FlipperMotor
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 HOLD, FREE, FLIPPER = "hold", "free", "flipper"
@@ -18,6 +19,7 @@ _ALLOWED: Final = (
 )
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class JointRule:
     """What holds or moves the joints of one name."""

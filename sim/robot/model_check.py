@@ -20,6 +20,7 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from trackslip.errors import TrackslipError
+from trackslip.inputs import note_input
 
 MAX_TEXT: Final = 32_000_000
 """Largest MJCF or URDF file; published ones have up to 1 MB, and saved meshes up to 10 [bytes]."""
@@ -131,6 +132,7 @@ def _require_small(path: Path, most: int) -> int:
         raise TrackslipError(f"{path}: not a regular file")
     if found.st_size > most:
         raise TrackslipError(f"{path}: {found.st_size:,} bytes long, must be at most {most:,}")
+    note_input(path)
     return found.st_size
 
 

@@ -21,6 +21,7 @@ from sim.robot.robot import MODELS, shaped_robot
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import complete
 from sim.robot.urdf import Refuse, refuse
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     InvalidValueError,
     SettingsFileError,
@@ -61,6 +62,7 @@ def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParamete
         raise SettingsFileError(f"{robot.model}: {error}") from error
 
 
+@checks_arguments
 def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse) -> TrackedRobot:
     """Load a robot for terrain, from the same sources as `load_parameters`; `on_terrain` converts
     parameters.

@@ -11,6 +11,7 @@ import numpy as np
 
 from sim.ground.ground import UNLESS_ZERO, Ground
 from sim.motors.motor import Drive
+from trackslip.arguments import checks_arguments
 from trackslip.errors import Checked, checked, require, require_positive, require_within
 from trackslip.kinematics import RobotGeometry
 from trackslip.skid_theory import Contact, line_contact, wheel_contact
@@ -41,6 +42,7 @@ _CENTRED = 1e-3  # largest mean of the axles' positions [m]
 _FIRM = 0.25
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class RobotParameters(Checked):
     """Shape, mass and motors of the robot. The defaults are the shipped robot's, in

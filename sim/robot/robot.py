@@ -28,6 +28,7 @@ from sim.tracks.recipe import (
     track_points,
     warn_if_unverified,
 )
+from trackslip.arguments import checks_arguments
 from trackslip.errors import RobotWarning
 from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry
 from trackslip.localization.scan import Plate
@@ -228,6 +229,7 @@ class Robot:
         return replace(self, model=model)
 
 
+@checks_arguments
 def load_robot(
     parameters: RobotParameters | None = None,
     contact_sensors: bool = False,

@@ -23,6 +23,7 @@ from sim.robot.joint_rules import JointRule
 from sim.robot.parameters import PATCH_LENGTH, TRACKS, WHEELS
 from sim.robot.urdf import read_model
 from sim.tracks.hull import Hull
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     checked,
@@ -36,6 +37,7 @@ from trackslip.errors import (
 _LEVEL: Final = -0.9998
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Flipper(Checked):
     """A hinged body with one track, which runs together with the chassis' track on the same
@@ -83,6 +85,7 @@ class Flipper(Checked):
         )
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class TrackedRobot:
     """A model, its running gear, and what holds its joints. A robot file has these fields, and a

@@ -35,6 +35,7 @@ from sim.robot.wheels import (
 from sim.tracks import Belts, add_tracks, connect
 from sim.tracks.recipe import Preset, load_preset, track_points
 from sim.tracks.track import Track
+from trackslip.arguments import checks_arguments
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
 
@@ -155,6 +156,7 @@ class TrackedModel:
         return np.asarray(self.flipper_sign * np.clip(angles, *self.flipper_range.T))
 
 
+@checks_arguments
 def build_tracked(
     robot: TrackedRobot,
     terrain: Terrain | None = None,

@@ -28,6 +28,7 @@ from sim.robot.model_check import (
     parsed,
 )
 from trackslip.errors import RobotWarning, TrackslipError, counted
+from trackslip.inputs import note_input
 
 _READABLE = (".stl", ".obj", ".msh")
 _COMPILER = '<compiler strippath="false" discardvisual="false" '
@@ -215,6 +216,7 @@ def _end(joint: Element, end: str) -> str:
 
 def _head(path: Path) -> str:
     """The beginning of an XML file, with its comments blanked out."""
+    note_input(path)
     with path.open("rb") as file:
         text = file.read(_HEAD).decode("utf-8-sig", errors="replace")
     return re.sub(r"<!--.*?(?:-->|\Z)", "", text, flags=re.DOTALL)

@@ -15,6 +15,7 @@ from sim.robot.named import RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.drives.conditioning import drives_of
 from trackslip.drives.encoders import encoders_of
 from trackslip.drives.first_look import first_look
@@ -88,6 +89,7 @@ class Replay:
         return np.asarray((1 - share) * states[before, robot] + share * states[before + 1, robot])
 
 
+@checks_arguments
 def replay(
     log: RunLog | Sequence[RunLog],
     robot: RobotSource,

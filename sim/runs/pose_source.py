@@ -19,6 +19,8 @@ from trackslip.localization.pose_estimate import Locator, PoseEstimate
 from trackslip.localization.pose_tracker import EVERY, Follower, Tracker
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog, ScanLog
+from trackslip.online.compensation import Compensation
+from trackslip.online.law_tracker import LawTracker
 from trackslip.restorable import Restorable
 
 Index = NDArray[np.int_]
@@ -98,11 +100,24 @@ class ScannedPose(TruePose):
 
     STATE = ("feed", "tracker")
 
-    def __init__(self, fleet: Fleet, feed: ScannerFeed, locator: Locator) -> None:
+    def __init__(
+        self,
+        fleet: Fleet,
+        feed: ScannerFeed,
+        locator: Locator,
+        compensations: Sequence[tuple[Sequence[int], Compensation]] = (),
+    ) -> None:
+        """Track the robots of a fleet; `compensations`, of robots given by their indices, have the
+        laws by which poses are predicted, by default without slip.
+        """
         super().__init__(fleet)
         self.feed = feed
         self._locator = locator
-        self.tracker = Tracker(fleet.pose(), fleet.robot.geometry)
+        start = fleet.pose()
+        geometry = fleet.robot.geometry
+        self.tracker = Tracker(start, geometry)
+        if compensations:
+            self.tracker = LawTracker(start, geometry, compensations)
         self.scans: list[np.ndarray] = []  # ranges (N, B) in each scan, if all are kept [m]
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:

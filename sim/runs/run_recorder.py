@@ -18,6 +18,7 @@ from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.logs.runlog import RunLog, ScanLog, Truth
+from trackslip.metrics import at_top_speed
 
 FAILURE: Final = "failure"
 """Key in a log's metadata for the reason if the run ended early."""
@@ -28,6 +29,16 @@ SINKING: Final = "sinking"
 _STUCK: Final = 0.95  # slip beyond which a robot stands still while its tracks dig [-]
 # pitch beyond which simulation and theory of rigid tracks were seen to differ [rad]
 _STEEP: Final = float(np.radians(3.0))
+LOST_AFTER: Final = 0.5
+"""Time without a valid pose after which a robot is lost; scans that miss the plate now and then, or
+show it edge-on, are no reason to stop [s].
+"""
+TOP_SPEED_SHARE: Final = "top_speed_share"
+"""Key in the metadata of a closed-loop run for the share of the time with a set point at the top
+speed, unless it is so small that the robot hardly misses it.
+"""
+# a controller that starts beside its path may be at the top speed for a moment [-]
+_LEAST_TOP_SPEED_SHARE: Final = 0.01
 # of motors; one in the middle runs at the mean of both sides
 _SIDES: Final = ("left", "right", "middle")
 _ICR: Final = ("offset", "radius_error")  # attributes of laws that record their ICRs
@@ -276,9 +287,9 @@ class RunRecorder:
         """Record the loads of all robots from the next row on."""
         self._loads = True
 
-    def command(self, k: int) -> None:
-        """Record the sprockets' current set points, which completes row k."""
-        self._command[k] = self.fleet.drive.set_point
+    def command(self, k: int, omega: Array) -> None:
+        """Record the set points (N, 2) given in row k [rad/s], which completes the row."""
+        self._command[k] = omega
         self.complete = k + 1
 
     def estimate(self, rows: int | slice, estimate: PoseEstimate) -> None:
@@ -297,10 +308,19 @@ class RunRecorder:
             self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots]
         )
 
-    def wanted(self, k: int, robots: Sequence[int], twist: Array) -> None:
-        """Record the twists (R, 2) that a controller requests in row k; raises RunFailedError for
-        non-finite twists.
+    def is_lost(self, k: int, robots: Sequence[int]) -> np.ndarray:
+        """Mask (R,) of the robots without a valid pose during the last LOST_AFTER before row k.
+
+        Start poses count as valid.
         """
+        rows = max(round(LOST_AFTER / self.period), 1)
+        if k < rows:
+            return np.zeros(len(robots), bool)
+        recent = self._valid[k + 1 - rows : k + 1, robots]
+        return np.asarray(~recent.any(axis=0))
+
+    def require_twists(self, k: int, robots: Sequence[int], twist: Array) -> None:
+        """Raise RunFailedError unless a controller requests finite twists (R, 2) in row k."""
         expected = (len(robots), 2)
         if twist.shape != expected:
             what = f"twists have the shape {twist.shape}: must be {expected}, one per pose"
@@ -311,6 +331,9 @@ class RunRecorder:
             returned = tuple(twist[i].tolist())
             what = f"returns the twist {returned} at {self.time[k]:g} s: must be finite"
             raise RunFailedError(f"run {self.name(robots[i])!r}: its controller {what}")
+
+    def wanted(self, k: int, robots: Sequence[int], twist: Array) -> None:
+        """Record the twists (R, 2) to drive from row k on."""
         self._twist_command[k, robots] = twist
 
     def compensated(self, k: int, robots: Sequence[int], law: SlipLaw) -> None:
@@ -375,6 +398,10 @@ class RunRecorder:
             metadata[SATURATION] = vars(saturation)
         if sinking is not None:
             metadata[SINKING] = vars(sinking)
+        is_closed = not np.isnan(self._twist_command[rows, i]).any()
+        is_at_top = at_top_speed(self._command[rows, i], self.fleet.drive.limit)
+        if is_closed and is_at_top.mean() >= _LEAST_TOP_SPEED_SHARE:
+            metadata[TOP_SPEED_SHARE] = float(is_at_top.mean())
         if failure is not None:
             metadata[FAILURE] = failure
         return RunLog(

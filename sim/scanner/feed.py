@@ -13,6 +13,7 @@ from sim.common.seeds import generator
 from sim.fleet.fleet import Fleet
 from sim.robot.robot import SCANNED_GROUP
 from sim.scanner.scanner import LaserScanner, Obstacles
+from trackslip.arguments import checks_arguments
 from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.scan import Scan
@@ -68,6 +69,7 @@ class _Aim:
         return bool(np.abs(centre - self.centre).max() <= _SLACK / 2)
 
 
+@checks_arguments
 class ScannerFeed(Restorable):
     """The scanners of a fleet: each robot is observed by its own laser range finder (LRF) in its
     own world.

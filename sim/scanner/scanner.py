@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from sim.common.settings import build, read_named
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     checked,
@@ -245,6 +246,7 @@ obstacle is in the way of a robot.
 """
 
 
+@checks_arguments
 def load_obstacles(source: str) -> Obstacles:
     """Load obstacles by name, or from a TOML file with tables `[[posts]]` and `[[walls]]`.
 

@@ -39,6 +39,7 @@ from trackslip.errors import (
     InvalidValueError,
     SettingsFileError,
     checked,
+    one_of,
     require,
     require_at_most,
     require_positive,
@@ -350,7 +351,7 @@ def _piece(row: object, where: str) -> Piece:
     given = {name: value for name, value in row.items() if name != "kind"}
     kind = row.get("kind", _kind_with(set(given)))
     if not isinstance(kind, str) or kind not in _KINDS:
-        raise SettingsFileError(f"{where}: kind = {kind!r:.80}: must be one of {', '.join(_KINDS)}")
+        raise SettingsFileError(f"{where}: kind = {kind!r:.80}: must be {one_of(_KINDS, kind)}")
     return build(_KINDS[kind], given, where)
 
 

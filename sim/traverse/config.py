@@ -23,7 +23,15 @@ from sim.traverse.courses import DRAWN, OBSTACLES, RANDOM
 from sim.traverse.outcome import Limits, Outcome, Outcomes
 from sim.traverse.world import Traverse
 from trackslip import se2
-from trackslip.errors import Checked, checked, require, require_non_negative, require_range
+from trackslip.arguments import checks_arguments
+from trackslip.errors import (
+    Checked,
+    checked,
+    require,
+    require_non_negative,
+    require_one_of,
+    require_range,
+)
 from trackslip.kinematics import Array
 
 AHEAD: Final = np.linspace(-0.5, 0.9, 15)
@@ -194,6 +202,7 @@ def one_by_one(values: Array) -> Array:
     return np.add.accumulate(values, axis=1)[:, -1]
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class TraverseConfig(OwnTerms):
     """A task of crossing courses."""
@@ -263,4 +272,4 @@ class TraverseConfig(OwnTerms):
 
 
 def _require_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    require(value in choices, name, value, f"one of {', '.join(choices)}")
+    require_one_of(name, value, choices)

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from sim.terrain import Beams, Blocks, Course, Flat, Gap, Piece, Ramp, Stairs, Step
-from trackslip.errors import require, require_within
+from trackslip.errors import require_one_of, require_within
 
 RANDOM: Final = "random"
 """Name for courses with random obstacles."""
@@ -79,7 +79,7 @@ def draw_course(
     (0) and the largest published (1); their other sizes are drawn uniformly. Raises
     InvalidValueError for any other name or difficulty.
     """
-    require(name in DRAWN, "course", name, f"one of {', '.join(DRAWN)}")
+    require_one_of("course", name, DRAWN)
     require_within("difficulty", difficulty, 0.0, 1.0)
     drawn = []
     if name == RANDOM:

@@ -9,6 +9,7 @@ import numpy as np
 from sim.robot.tracked_model import FlipperGeometry
 from sim.traverse.world import Command, Traverse
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.kinematics import Array
 
 SAMPLES: Final = np.array([1.0, 1.25, 1.5])
@@ -29,6 +30,7 @@ _HEADING_GAIN: Final = 0.45  # belt speed per heading [m/s]
 _TURN: Final = 0.3  # largest deviation of a belt's speed from the mean of left and right [m/s]
 
 
+@checks_arguments
 def scripted(world: Traverse) -> Command:
     """Set points for all robots in `world`, which drive along y = 0 with reflexes for their
     flippers.

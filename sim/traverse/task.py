@@ -21,7 +21,7 @@ from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.policy import scripted
 from sim.traverse.world import Command, Traverse
-from trackslip.errors import require, require_at_most, require_range, require_within
+from trackslip.errors import one_of, require, require_at_most, require_range, require_within
 from trackslip.kinematics import Array
 
 _OPTIONS: Final = {
@@ -180,7 +180,7 @@ class Crossing(Task):
             difficulty = _NOT_DRAWN
             names = [name for name in (*self._listed, *self._drawn) if isinstance(name, str)]
             valid = isinstance(course, Course) or course in names
-            require(valid, "course", course, f"a course, or one of {', '.join(names)}")
+            require(valid, "course", course, f"a course, or {one_of(names, course)}")
         course = self._listed.get(course) or self._footprint.fit(course)
 
         _, y, _, ahead = course.start

@@ -26,6 +26,7 @@ from sim.tracks import Reading
 from sim.traverse.ground import Footprint, Slots
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 
@@ -54,6 +55,7 @@ class Command:
     flippers: Array  # (N, F) angles, tips up [rad]
 
 
+@checks_arguments
 class Traverse(Simulations):
     """N robots on courses. Rows are bitwise independent of each other and of the number of
     threads.

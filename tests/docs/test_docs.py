@@ -2,9 +2,7 @@
 digit.
 """
 
-import importlib
 import re
-import sys
 
 import pytest
 from pages import PAGES, ROOT, PageRunner, blocks, commands, links
@@ -16,21 +14,6 @@ FIRST = (ROOT / "README.md", ROOT / "docs" / "quick_start.md")  # their blocks r
 
 def ids(page):
     return str(page.relative_to(ROOT))
-
-
-@pytest.fixture
-def workplace(tmp_path, monkeypatch):
-    """An empty folder to run a page in, whose modules are forgotten afterwards."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    monkeypatch.setenv("COLUMNS", "200")
-    # others would take longer to start
-    monkeypatch.setattr("experiments.common.sweep.processors", lambda: 1)
-    importlib.invalidate_caches()
-    yield tmp_path
-    for name, module in list(sys.modules.items()):
-        if str(getattr(module, "__file__", None) or "").startswith(str(tmp_path)):
-            del sys.modules[name]
 
 
 @pytest.fixture
@@ -77,12 +60,10 @@ def test_files_and_links_lead_somewhere(page):
 
 
 def test_the_index_lists_every_page_once():
-    listed = links((ROOT / "docs" / "README.md").read_text(encoding="utf-8"))
-    pages = {page.name for page in PAGES if page.parent.name == "docs"} - {"README.md"}
-    assert sorted(name for name in listed if name.endswith(".md") and "/" not in name) == sorted(
-        pages
-    )
-    site = re.findall(
-        r"^ +- .*?(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE
-    )
-    assert sorted(name for name in site if "/" not in name) == sorted([*pages, "README.md"])
+    pages = sorted(page.name for page in PAGES if page.parent.name == "docs")
+    index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    listed = [link for link in links(index) if link.endswith(".md") and "/" not in link]
+    assert sorted([*listed, "README.md"]) == pages
+    site = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    of_site = re.findall(r"^ +- .*?(\S+\.md)$", site, re.MULTILINE)
+    assert sorted(name for name in of_site if "/" not in name) == pages

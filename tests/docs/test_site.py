@@ -39,7 +39,8 @@ class References(HTMLParser):
 
     def __init__(self, page):
         super().__init__()
-        self.loaded, self.anchors = [], set()
+        self.loaded = []
+        self.anchors = set()
         self.feed(page.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag, attrs):

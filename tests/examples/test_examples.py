@@ -2,9 +2,12 @@ import importlib.util
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from trackslip.errors import LogError
 from trackslip.laws.families import FAMILIES
+from trackslip.laws.file import load_laws
 
 FOLDER = Path(__file__).parents[2] / "examples"
 
@@ -63,9 +66,12 @@ def test_identify_from_python(run, tmp_path, monkeypatch):
 
 def test_own_slip_law(run, tmp_path):
     try:
-        printed = run("own_slip_law", tmp_path / "report.html")
+        printed = run("own_slip_law", tmp_path)
+        assert set(load_laws(tmp_path / "laws.json")) == {"linear"}
     finally:
         FAMILIES.pop("linear", None)
+    with pytest.raises(LogError, match="only linear: import the module that adds it to FAMILIES"):
+        load_laws(tmp_path / "laws.json")
     errors = dict(re.findall(r"^(\w+) misses the slip by (\S+) rms", printed, re.M))
     assert float(errors["linear"]) < float(errors["none"])
     assert "Linear(offset=" in printed
@@ -98,7 +104,9 @@ def test_environment(run):
 
 def test_training(run):
     pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
-    assert "after 2,048 periods" in run("training", steps=2048, robots=8)
+    told, *lines = run("training", steps=8192, robots=8).splitlines()
+    assert told.startswith("PPO learns in 8,192 control periods which twists 8 robots")
+    assert lines[-1].startswith("after   8,192 periods: on the path for ")
 
 
 @pytest.mark.slow
@@ -129,3 +137,59 @@ def test_ppo_in_one_file(run, updates):
     assert len(rewards) == updates
     # the first ones have robots near their start
     assert updates == 2 or rewards[-1] > rewards[1] + 0.1
+
+
+def test_ppo_bootstraps_the_end_of_a_reference_and_no_failure():
+    """A critic that returns the time of an observation sees the last one of each episode."""
+    torch = pytest.importorskip("torch")
+    spec = importlib.util.spec_from_file_location("ppo", FOLDER / "ppo_in_one_file.py")
+    ppo = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(ppo)
+
+    def critic(observation):
+        return observation[:, :1]
+
+    seen = np.float32([[1.0], [0.0], [3.0]])
+    final = np.array([None, np.float32([2.0]), None], dtype=object)
+    info = {"final_obs": final, "_final_obs": np.array([False, True, False])}
+    np.testing.assert_array_equal(ppo.critic_after(critic, seen, info), [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(ppo.critic_after(critic, seen, {}), [1.0, 0.0, 3.0])
+
+    # advantages don't cross an end, and sum up discounted errors elsewhere
+    errors = torch.ones(3, 1)
+    trace = ppo.DISCOUNT * ppo.TRACE
+    ends = torch.tensor([[0.0], [1.0], [0.0]])
+    expected = [1 + trace, 1.0, 1.0]
+    np.testing.assert_allclose(ppo.generalized_advantages(errors, ends)[:, 0], expected, rtol=1e-6)
+
+
+@pytest.fixture
+def adapters():
+    spec = importlib.util.spec_from_file_location("adapters", FOLDER / "adapters.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_rl_games_steps_robots(adapters):
+    pytest.importorskip("rl_games.common.ivecenv")
+    envs = adapters.rl_games_environment("robots", 3, reference="circle")
+    assert envs.reset().shape == (3, *envs.get_env_info()["observation_space"].shape)
+    _, reward, done, infos = envs.step(np.zeros((3, 2), np.float32))
+    assert reward.shape == done.shape == infos["time_outs"].shape == (3,)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_tianshou_steps_some_of_the_robots(adapters):
+    pytest.importorskip("tianshou.env")
+    envs = adapters.tianshou_environment(3, reference="circle")
+    envs.seed(3)
+    observation, infos = envs.reset()
+    assert observation.shape == (3, *envs.observation_space[0].shape)
+    assert [info["env_id"] for info in infos] == [0, 1, 2]
+    observation, *_, infos = envs.step(np.zeros((2, 2), np.float32), id=[0, 2])
+    assert len(observation) == 2
+    assert [info["env_id"] for info in infos] == [0, 2]

@@ -58,7 +58,7 @@ def _quick_pages(request, monkeypatch):
         monkeypatch.setattr("experiments.common.page.drawn_plot", lambda plot, pdf=False: ())
 
 
-_PROGRESS = re.compile(r"[^:]+: [\d.]+(/[\d.]+)? \w+.*")
+_PROGRESS = re.compile(r"[^:]+: [\d.]+( of [\d.]+)? \w+.*")
 
 
 @pytest.fixture

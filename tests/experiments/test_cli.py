@@ -1,4 +1,5 @@
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -19,7 +20,7 @@ def printed_by(capsys, *command):
 
 @pytest.mark.parametrize("command", commands())
 def test_help_ends_with_examples_that_parse(command, capsys):
-    text = printed_by(capsys, command, "--help")
+    text = printed_by(capsys, command, "--help-all")
     assert "{True,False}" not in text  # tyro takes no value after such an option
     assert all(len(line) <= 80 for line in text.split("examples:\n")[1].splitlines())
     examples = config_module(command).EXAMPLES
@@ -28,6 +29,41 @@ def test_help_ends_with_examples_that_parse(command, capsys):
         program, name, *_ = words = shlex.split(line)
         assert (program, name, bool(what)) == ("trackslip", command, True)
         parse(words[1:])
+
+
+@pytest.mark.parametrize("command", commands())
+def test_help_fits_on_a_screen_and_leads_to_all_options(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    short = printed_by(capsys, command, "--help").splitlines()
+    everything = printed_by(capsys, command, "--help-all")
+    assert len(short) <= 50
+    flags = re.findall(r"^\W+(--[\w.-]+)", "\n".join(short), re.M)
+    assert flags
+    assert set(flags) <= set(re.findall(r"^\W+(--[\w.-]+)", everything, re.M))
+    is_short = len(short) < len(everything.splitlines())
+    assert (short[-1] == f"all options and examples: trackslip {command} --help-all") == is_short
+
+
+TYPOS = {
+    "indentify log.csv": "identify",
+    "grid --robot huskey": "husky",
+    "grid --ground stne": "stone",
+    "track --controller linaer": "linear",
+    "track --controller linaer:stiffness=2": "linear",
+    "track --compensation icr_raduis": "icr_radius",
+    "track --reference papr": "paper",
+    "deploy --law icr_raduis": "icr_radius",
+    "drive --course stair": "stairs",
+}
+
+
+@pytest.mark.parametrize("line", TYPOS)
+def test_a_name_with_a_typo_is_guessed(line, refused):
+    assert refused(*line.split()).endswith(f"(did you mean {TYPOS[line]}?)")
+
+
+def test_a_name_that_is_like_no_other_is_not_guessed(refused):
+    assert "did you mean" not in refused("grid", "--robot", "xyzzy")
 
 
 def test_python_m_trackslip_lists_commands_without_imports():

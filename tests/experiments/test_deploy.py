@@ -29,10 +29,19 @@ def test_it_prints_what_it_writes(to, identified, tmp_path, capsys):
     assert (tmp_path / "law").read_text() == printed
 
 
+def test_a_law_that_is_not_the_best_is_told(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    content = dict(stored(best="turn_loss", expressible="icr").content)
+    (tmp_path / "laws.json").write_text(json.dumps(content))
+    main(["deploy", "laws.json", "--out", "drive.yaml"])
+    told = capsys.readouterr().out.splitlines()[-1]
+    assert told == "warning: exported icr, not the best law (turn_loss)"
+
+
 def test_a_file_is_not_replaced_unasked(refused, tmp_path):
     (tmp_path / "laws.json").write_text(json.dumps(dict(stored().content)))
     line = refused("deploy", "laws.json", "--law", "icr", "--out", "laws.json")
-    assert "laws.json: exists already; --overwrite replaces it" in line
+    assert "laws.json: exists already, with other content; --overwrite replaces it" in line
 
 
 def test_a_law_with_an_alarm_is_refused_unless_the_user_accepts(refused, tmp_path, capsys):

@@ -391,7 +391,8 @@ def test_commands_to_a_robot_without_motors_are_replayed_in_full(files):
     omega = np.full((len(time), 2), 1.0 / 0.06)
     pose = np.column_stack([time, 0 * time, 0 * time])
     log = RunLog(run="straight", time=time, omega=omega, pose=pose, command=omega)
-    replay = Replayer([log], "commands").run(load_parameters(source("plain", files))[0], Ground())
+    parameters, _ = load_parameters(source("plain", files))
+    replay = Replayer([log], "commands").run(parameters, Ground())
     under_way = len(replay.twist) // 2
     assert replay.twist[under_way, 0, 0] == pytest.approx(1.02, rel=0.005)
 
@@ -460,7 +461,7 @@ def test_policies_learn_with_the_motors_of_the_robots_file(name, files):
 
 def test_evaluate_names_robots_without_motors(files):
     robots = (source("plain", files), source("plain_own", files))
-    config = EvaluateConfig(path=Path("log.csv"), robot=robots, inputs="commands")
+    config = EvaluateConfig(logs=(Path("log.csv"),), robot=robots, inputs="commands")
     assert notes_on_motors(config) == [
         f"{robots[0]} has no motors: its torque is unlimited, and it follows commands of any speed"
     ]

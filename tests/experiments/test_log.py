@@ -132,14 +132,20 @@ def test_a_bag_is_written_exactly_and_not_replaced_unasked(bags, tmp_path, refus
     command = ["log", str(bags / "run.mcap"), "--out", str(file)]
     main(command)
     assert f"{file}: 1 run, 400 rows" in capsys.readouterr().out
-    (written,), (read,) = package.load(file), package.load(bags / "run.mcap")
+    (written,) = package.load(file)
+    (read,) = package.load(bags / "run.mcap")
     for name in ("time", "omega", "pose"):
         np.testing.assert_array_equal(getattr(written, name), getattr(read, name))
     if suffix == ".parquet":
         for field in pyarrow.parquet.read_schema(file):
             assert field.metadata[b"unit"].decode() == COLUMNS[field.name].unit
-    assert f"log{suffix}: exists already; --overwrite replaces it" in refused(*command)
     before = sorted(file.parent.iterdir())
+    main(command)
+    assert f"{file}: 1 run, 400 rows" in capsys.readouterr().out
+    file.write_text("mine")
+    line = f"log{suffix}: exists already, with other content; --overwrite replaces it"
+    assert line in refused(*command)
+    assert file.read_text() == "mine"
     main([*command, "--overwrite"])
     assert sorted(file.parent.iterdir()) == before
 
@@ -152,16 +158,15 @@ def test_a_csv_has_units_beside_it_and_identify_reads_it(grid, tmp_path, capsys)
         assert after.run == before.run
         np.testing.assert_array_equal(after.truth.twist, before.truth.twist)
     with file.open(newline="") as text, file.with_suffix(".columns.csv").open(newline="") as units:
-        header, about = next(csv.reader(text)), list(csv.DictReader(units))
+        header = next(csv.reader(text))
+        about = list(csv.DictReader(units))
     assert [row["column"] for row in about] == header
     assert all(row["unit"] == COLUMNS[row["column"]].unit and row["description"] for row in about)
     assert command[:2] == ["trackslip", "identify"]
-    of_csv, of_grid = (
-        source_of(parse(line)) for line in (command[1:], ["identify", str(grid), "--motion", "arc"])
-    )
-    np.testing.assert_allclose(
-        of_csv.sampling.samples.slip, of_grid.sampling.samples.slip, rtol=1e-12
-    )
+    of_csv = source_of(parse(command[1:]), file)
+    of_grid = source_of(parse(["identify", str(grid), "--motion", "arc"]), grid)
+    slip = of_grid.sampling.samples.slip
+    np.testing.assert_allclose(of_csv.sampling.samples.slip, slip, rtol=1e-12)
 
 
 def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, capsys):
@@ -169,15 +174,18 @@ def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, cap
     file = tmp_path / "located.parquet"
     main(["log", str(bag), *PLATE, "--scan", "/scan", "--out", str(file)])
     printed = capsys.readouterr().out
-    place, noise = "run: scanner at x = 0.000 m, y = 0.000 m, yaw = 0.00°, noise ", 5.0  # [mm]
-    assert float(printed.split(place)[1].split()[0]) == pytest.approx(noise, abs=0.2)
+    place = "run: scanner at x = 0.000 m, y = 0.000 m, yaw = 0.00°, noise "
+    assert place in printed
+    noise = float(printed.partition(place)[2].split()[0])  # [mm]
+    assert noise == pytest.approx(5.0, abs=0.2)
     assert "warning" not in printed
-    identified = source_of(parse(["identify", str(bag), *PLATE, *ROBOT.split()]))
+    identified = source_of(parse(["identify", str(bag), *PLATE, *ROBOT.split()]), bag)
     assert "the plate's in /scan" in identified.taken[0]
     for (log,) in (read_runs(file), identified.logs):
         valid = log.is_valid
         assert valid.sum() > 0.85 * len(session.time)
-        assert np.hypot(*(log.pose[valid] - session.local(log.time[valid]))[:, :2].T).max() < 0.03
+        error = log.pose[valid] - session.local(log.time[valid])
+        assert np.linalg.norm(error[:, :2], axis=1).max() < 0.03
         assert log.scans is not None
 
 
@@ -216,14 +224,16 @@ def test_what_is_refused(bags, scanned, refused, line, message):
 @pytest.mark.parametrize("source", ["slam", "gnss"])
 def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
     result = trackslip("wander", "--source", source, "--duration", "10", "--bag")
-    (log,), (again,) = package.load(result.folder), package.load(result.folder / "bags")
-    np.testing.assert_allclose(again.time - again.time[0] + log.time[0], log.time, atol=2e-9)
-    # times in whole nanoseconds
+    (log,) = package.load(result.folder)
+    (again,) = package.load(result.folder / "bags")
+    elapsed = log.time - log.time[0]
+    nanosecond = 1e-9
+    np.testing.assert_allclose(again.time - again.time[0], elapsed, atol=2 * nanosecond)
     np.testing.assert_allclose(again.omega[1:], log.omega[1:], atol=1e-4)
     np.testing.assert_array_equal(again.is_valid, log.is_valid)
-    places = [run.pose[run.is_valid, :2] for run in (log, again)]
-    first = places[0][0] if source == "gnss" else 0.0  # fixes have the first one as origin
-    np.testing.assert_allclose(places[1], places[0] - first, atol=1e-6)
+    places = log.pose[log.is_valid, :2]
+    origin = places[0] if source == "gnss" else 0.0  # fixes have the first one as origin
+    np.testing.assert_allclose(again.pose[again.is_valid, :2], places - origin, atol=1e-6)
 
 
 @pytest.mark.parametrize("command", ["log", "identify", "evaluate", "view"])

@@ -27,10 +27,10 @@ def tried(tmp_path, inputs, monkeypatch):
     """A function that runs words and returns exit code, results and message, each line once."""
     monkeypatch.setattr("trackslip.planning.plan.MAX_EVALUATIONS", 30)
     monkeypatch.setattr("trackslip.planning.plan.MIN_EVALUATIONS", 30)
-    monkeypatch.setattr(
-        "experiments.tune.TRAINING_PATHS", (inputs["straight"],)
-    )  # its own take minutes
-    numbers, done = itertools.count(), {}
+    # its own take minutes
+    monkeypatch.setattr("experiments.tune.TRAINING_PATHS", (inputs["straight"],))
+    numbers = itertools.count()
+    done = {}
 
     def run(*words):
         line = " ".join(words).format(**inputs)

@@ -22,16 +22,14 @@ def test_a_tracked_robot_is_identified_and_controlled(trackslip):
     assert laws.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(
         theory, rel=0.01
     )
-    circle, errors = (
-        ("--reference", "circle", "--circle-duration", "22", "--localization", "truth"),
-        [],
-    )
-    for compensation in (("none",), ("icr_radius", "--laws", str(laws.folder))):
-        (row,) = trackslip("track", *robot, *circle, "--compensation", *compensation).summary[
-            "tracking"
-        ]
-        errors.append(row["rms_position_after_12s"])
-    assert errors[1] < 0.3 * errors[0]
+    circle = ("--reference", "circle", "--circle-duration", "22", "--localization", "truth")
+
+    def error(*compensation):
+        result = trackslip("track", *robot, *circle, "--compensation", *compensation)
+        (row,) = result.summary["tracking"]
+        return row["rms_position_after_12s"]
+
+    assert error("icr_radius", "--laws", str(laws.folder)) < 0.3 * error("none")
 
 
 def test_a_robot_has_its_drive_and_ground_in_every_command(trackslip, refused, tmp_path):
@@ -44,17 +42,11 @@ def test_a_robot_has_its_drive_and_ground_in_every_command(trackslip, refused, t
         "= 90.0\n[drive.motor]\n"
         "gear = 50.0\nstall_torque = 3.0\nno_load_speed = 1000.0\n"
     )
-    robot, own = ("--robot", str(heavy)), load_parameters(heavy)[0].drive
-    circle = (
-        "--reference",
-        "circle",
-        "--circle-duration",
-        "2",
-        "--circle-speed",
-        "0.8",
-        "--compensation",
-        "none",
-    )
+    robot = ("--robot", str(heavy))
+    parameters, _ = load_parameters(heavy)
+    own = parameters.drive
+    circle = ("--reference", "circle", "--circle-duration", "2", "--circle-speed", "0.8")
+    circle += ("--compensation", "none")
     runs = ("--radii", "1", "--speeds", "0.6", "--duration", "6")
     for options, drive in (
         (("grid", *runs, "--drive.lag", "0.1"), replace(own, lag=0.1)),

@@ -48,25 +48,19 @@ def test_track(trackslip, controller, localization):
 
 
 def test_track_takes_a_start_and_laws(trackslip, tmp_path):
-    save_laws(
-        tmp_path / "mine.json", {"icr_radius": ConstantIcr(0.1, 0.168)}, RobotGeometry(0.168, 0.06)
-    )
-    options = (
-        "--start",
-        "-1.5",
-        "0.2",
-        "0.0",
-        "--compensation",
-        "icr_radius",
-        "--laws",
-        str(tmp_path / "mine.json"),
-    )
-    (log,) = read_runs(trackslip("track", *CIRCLE, *options).folder / "runs.parquet")
+    geometry = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
+    offset = 0.1
+    laws = tmp_path / "mine.json"
+    save_laws(laws, {"icr_radius": ConstantIcr(offset, 0.168)}, geometry)
+    start = ("--start", "-1.5", "0.2", "0.0")
+    compensation = ("--compensation", "icr_radius", "--laws", str(laws))
+    result = trackslip("track", *CIRCLE, *start, *compensation)
+    (log,) = read_runs(result.folder / "runs.parquet")
     np.testing.assert_allclose(log.truth.pose[0], [-1.5, 0.2, 0.0], atol=1e-9)
     v, w = log.twist_command[100]
-    np.testing.assert_allclose(
-        log.command[100], (v + np.array([-1, 1]) * (0.168 + 0.1) * w) / 0.06, rtol=1e-9
-    )
+    left = v - (0.168 + offset) * w
+    right = v + (0.168 + offset) * w
+    np.testing.assert_allclose(log.command[100], [left / 0.06, right / 0.06], rtol=1e-9)
 
 
 def test_a_controller_that_raises_leaves_its_run(tmp_path, capsys, monkeypatch):
@@ -83,3 +77,48 @@ def test_a_controller_that_raises_leaves_its_run(tmp_path, capsys, monkeypatch):
         == json.loads((tmp_path / "out" / "manifest.json").read_text())["error"]
     )
     assert 1.9 < log.time[-1] <= 2.05
+
+
+DITHERING = """
+import numpy as np
+
+class Dithering:
+    def reset(self, seed):
+        self.generators = [np.random.default_rng(one) for one in seed]
+
+    def twist(self, time, pose, reference):
+        noise = [0.1 * generator.standard_normal() for generator in self.generators]
+        return reference.twist(time) + np.column_stack([np.zeros(len(pose)), noise])
+"""
+
+
+def test_a_random_controller_depends_on_the_seed(trackslip, tmp_path, monkeypatch):
+    (tmp_path / "dithering_driver.py").write_text(DITHERING)
+    monkeypatch.chdir(tmp_path)
+    options = ("--controller", "dithering_driver:Dithering", "--localization", "truth")
+    twists = []
+    for seed in ("1", "1", "2"):
+        result = trackslip("track", *CIRCLE, *options, "--seed", seed)
+        (log,) = read_runs(result.folder / "runs.parquet")
+        twists.append(log.twist_command)
+    np.testing.assert_array_equal(twists[0], twists[1])
+    assert np.abs(twists[2] - twists[0]).max() > 0.05
+
+
+@pytest.mark.usefixtures("with_figures")
+def test_the_page_has_path_errors_and_slip(trackslip):
+    result = trackslip("track", *CIRCLE, "--localization", "truth")
+    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    (row,) = result.summary["tracking"]
+    millimetres = f"{1e3 * row['rms_position']:.1f} mm rms from the reference"
+    assert f"<h2>{millimetres}</h2>" in page  # the circle is shorter than 12 s
+    assert page.count('<div class="zoom">') == 3
+    figures = {file.stem for file in (result.folder / "figures").glob("*.svg")}
+    assert figures == {"path_and_errors_path", "path_and_errors_errors", "slip"}
+
+
+def test_a_run_that_leaves_its_reference_is_an_alarm(trackslip):
+    start = ("--start", "0", "1", "0", "--controller", "feedforward")
+    result = trackslip("track", *CIRCLE, "--localization", "truth", *start)
+    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    assert '<section class="answer alarm">\n<h2>The robot left the reference, by up to' in page

@@ -15,6 +15,8 @@ PACKAGES = {
     "sim.tracks": "Tracks for any MuJoCo robot; see [the guide](../tracks.md).",
     "sim.terrain": "Courses for robots to cross; see [the guide](../tracks.md#terrain).",
 }
+FIRST = {"trackslip": "trackslip.identification.identify.identify"}
+"""Names that most readers look for, which stand first on their pages."""
 FOLDER = Path(__file__).parents[2] / "docs" / "api"
 
 
@@ -31,8 +33,12 @@ def page(package: str) -> str:
         "are SI, angles are in "
         "radians, and tracks are ordered (left, right) on the last axis.",
     ]
+    front = FIRST.get(package)
+    if front:
+        lines += ["", f"## {front.rpartition('.')[2]}", "", f"::: {front}"]
     for room, names in rooms(package).items():
         lines += ["", f"## {room}"]
+        names = [name for name in names if name != front]
         for name in names:
             lines += ["", f"::: {name}"]
     return "\n".join(lines) + "\n"

@@ -70,9 +70,10 @@ def _rosbags(path, writer, messages, ros1):
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=types)
             message = _built(types, kind, fields)
-            data = (
-                types.serialize_ros1(message, kind) if ros1 else types.serialize_cdr(message, kind)
-            )
+            if ros1:
+                data = types.serialize_ros1(message, kind)
+            else:
+                data = types.serialize_cdr(message, kind)
             writer.write(connections[topic], arrival, data)
     return path
 
@@ -102,7 +103,8 @@ def _built(types, kind, fields):
         if int(node) == 2:  # another message
             made[name] = _built(types, detail, value or {})
         elif int(node) == 1:
-            made[name] = value if value is not None else "" if detail[0] == "string" else 0
+            empty = "" if detail[0] == "string" else 0
+            made[name] = empty if value is None else value
         else:
             (inner, base), length = detail
             if int(inner) == 2:
@@ -110,7 +112,8 @@ def _built(types, kind, fields):
             elif base[0] == "string":
                 made[name] = list(value or [])
             else:
-                made[name] = np.array(np.zeros(length) if value is None else value, base[0])
+                numbers = np.zeros(length) if value is None else value
+                made[name] = np.array(numbers, base[0])
     return types.types[kind](**made)
 
 
@@ -129,7 +132,8 @@ def header(at, frame=""):
 
 
 def quaternion(heading, pitch=0.0):
-    half, tilt = heading / 2, pitch / 2
+    half = heading / 2
+    tilt = pitch / 2
     return {
         "x": -np.sin(tilt) * np.sin(half),
         "y": np.sin(tilt) * np.cos(half),
@@ -160,17 +164,17 @@ def joint_states(at, names, position=(), velocity=(), topic="/joint_states", lat
 
 
 def odometry(at, where, topic="/odom", frame="odom", variances=(0, 0, 0), late=1_000_000):
-    stated = {"pose": pose(*where), "covariance": covariance(variances)}
-    return (
-        topic,
-        ODOMETRY,
-        at + late,
-        {"header": header(at, frame), "child_frame_id": "base_link", "pose": stated},
-    )
+    fields = {
+        "header": header(at, frame),
+        "child_frame_id": "base_link",
+        "pose": {"pose": pose(*where), "covariance": covariance(variances)},
+    }
+    return topic, ODOMETRY, at + late, fields
 
 
 def pose_stamped(at, where, topic="/slam/pose", late=1_000_000):
-    return topic, STAMPED, at + late, {"header": header(at, "map"), "pose": pose(*where)}
+    fields = {"header": header(at, "map"), "pose": pose(*where)}
+    return topic, STAMPED, at + late, fields
 
 
 def pose_with_covariance(
@@ -208,9 +212,8 @@ def fix(
 
 def sprocket_angles(log):
     """Angles (T, 2) that a log's sprockets have turned by."""
-    return np.concatenate(
-        [np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)]
-    )
+    steps = log.omega[1:] * np.diff(log.time)[:, None]
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
 def joints_of(log, names=("left_wheel", "right_wheel"), start=START, **others):
@@ -222,10 +225,9 @@ def joints_of(log, names=("left_wheel", "right_wheel"), start=START, **others):
 
 
 def poses_of(log, make=pose_stamped, start=START, **others):
-    return [
-        make(stamp(time, start), where, **others)
-        for time, where in zip(log.time[log.is_valid], log.pose[log.is_valid].tolist(), strict=True)
-    ]
+    time = log.time[log.is_valid]
+    poses = log.pose[log.is_valid].tolist()
+    return [make(stamp(at, start), where, **others) for at, where in zip(time, poses, strict=True)]
 
 
 def in_order(*messages):
@@ -264,20 +266,20 @@ def imu(
     """An IMU's angular velocities about its axes [rad/s], and its orientation if it has a heading
     [rad].
     """
-    fields = {"header": header(at, frame), "angular_velocity": dict(zip("xyz", rates, strict=True))}
+    fields = {
+        "header": header(at, frame),
+        "angular_velocity": dict(zip("xyz", rates, strict=True)),
+        "angular_velocity_covariance": [-1.0 if unknown else 0.0, *[0.0] * 8],
+    }
     if heading is not None:
         fields["orientation"] = quaternion(heading)
-    return (
-        topic,
-        IMU,
-        at + late,
-        fields | {"angular_velocity_covariance": [-1.0 if unknown else 0.0, *[0.0] * 8]},
-    )
+    return topic, IMU, at + late, fields
 
 
 def scan_messages(session: Session):
     made = []
-    for time, row in zip(session.time, session.ranges.astype(np.float32).tolist(), strict=False):
+    rows = session.ranges.astype(np.float32).tolist()
+    for time, row in zip(session.time, rows, strict=False):  # fewer times: the first scans
         fields = {
             "header": header(stamp(time), "laser"),
             "angle_min": session.angle_min,
@@ -295,6 +297,6 @@ def scan_messages(session: Session):
 
 def write_session(path, kind, session: Session, *more):
     encoders = SimpleNamespace(time=session.encoder_time, omega=session.omega)
-    return write_bag(
-        path, kind, in_order(joints_of(encoders, JOINT_NAMES), scan_messages(session), *more)
-    )
+    encoders = SimpleNamespace(time=session.encoder_time, omega=session.omega)
+    joints = joints_of(encoders, JOINT_NAMES)
+    return write_bag(path, kind, in_order(joints, scan_messages(session), *more))

@@ -38,10 +38,11 @@ class SameMotion:
         """Note what the fleet has done for the last `duration` [s] by its present set points."""
         robot = self._fleet.robot
         self._drive.command(self._fleet.drive.set_point)
-        mean = self._drive.forecast(round(duration / self._fleet.period)).mean  # (P, N, 2)
-        self._speeds.append(
-            (-self._drive.radius * mean).take(robot.pad_side, axis=-1) * robot.pad_sign
-        )
+        periods = round(duration / self._fleet.period)
+        mean = self._drive.forecast(periods).mean  # (P, N, 2)
+        of_tracks = -self._drive.radius * mean
+        of_pads = of_tracks.take(robot.pad_side, axis=-1) * robot.pad_sign
+        self._speeds.append(of_pads)
         self._drive = self._fleet.drive.of(range(self._fleet.size))
 
     def repeat(self) -> None:

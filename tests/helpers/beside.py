@@ -11,9 +11,12 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.se2 import advance, compose, inverse
 
 GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
-D, EPSILON = 0.045, 0.0066
+OFFSET = 0.045  # of the ICRs beyond the tracks [m]
+RADIUS_ERROR = 0.0066  # of the sprockets, relative
 RATE = 50.0  # of the encoders [Hz]
-LENGTH, THICKNESS = 0.6, 0.04
+LENGTH = 0.6  # of the plate [m]
+THICKNESS = 0.04  # of the plate [m]
+NEVER_ZERO = 1e-12  # replaces a 0 that would be divided by
 
 Thing = Callable[[Array, Array, Array], Array]
 """From the scanner (2,), directions (..., 2) and times (...) to ranges (...), inf for a miss."""
@@ -42,11 +45,12 @@ def teleoperated(rng: np.random.Generator, duration: float, top: float = 5.0) ->
     second.
     """
     rows = round(duration * RATE)
-    knots = rng.uniform(-top, top, (int(duration / 2) + 2, 2))
+    pairs = int(duration / 2) + 2
+    knots = rng.uniform(-top, top, (pairs, 2))
     knots[0] = 0.0
-    which = np.arange(rows) / RATE / 2
-    k = which.astype(int)
-    share = np.clip((which - k) * 4, 0.0, 1.0)[:, None]
+    periods = np.arange(rows) / RATE / 2
+    k = periods.astype(int)
+    share = np.clip((periods - k) * 4, 0.0, 1.0)[:, None]
     return knots[k] * (1 - share) + knots[k + 1] * share
 
 
@@ -67,66 +71,110 @@ def drive(
 ) -> Session:
     """Drive exactly by the law of constant ICRs, and scan."""
     rng = np.random.default_rng(seed)
-    r, b = GEOMETRY.sprocket_radius * (1 + EPSILON), GEOMETRY.half_gauge + D
-    v, w = r * (omega[:, 1] + omega[:, 0]) / 2, r * (omega[:, 1] - omega[:, 0]) / (2 * b)
+    radius = GEOMETRY.sprocket_radius * (1 + RADIUS_ERROR)
+    half_width = GEOMETRY.half_gauge + OFFSET
+    left = omega[:, 0]
+    right = omega[:, 1]
+    v = radius * (right + left) / 2
+    w = radius * (right - left) / (2 * half_width)
     motion = np.column_stack([v, 0 * v, w])[1:] / RATE
     robot = se2.chain(np.array(start), se2.exp(motion))
     encoder_time = np.arange(len(omega)) / RATE
 
     def at(time: Array) -> Array:
-        k = np.clip((np.asarray(time) * RATE).astype(int), 0, len(omega) - 2)
-        return advance(
-            robot[k], np.stack([v[k + 1], w[k + 1]], axis=-1), np.asarray(time) - k / RATE
-        )
+        """Poses (..., 3) of the robot."""
+        time = np.asarray(time)
+        k = np.clip((time * RATE).astype(int), 0, len(omega) - 2)
+        twist = np.stack([v[k + 1], w[k + 1]], axis=-1)
+        return advance(robot[k], twist, time - k / RATE)
 
     def path(time: Array) -> Array:
+        """Poses (..., 3) of the plate."""
         return compose(at(time), np.asarray(place, float))
 
+    # every ray at its own time
     time = np.arange(0.1, encoder_time[-1] - 0.1, 0.05)
-    increment = (fov / (beams - 1)) * (-1 if clockwise else 1)
+    sense = -1 if clockwise else 1
+    increment = (fov / (beams - 1)) * sense
     first = -increment * (beams - 1) / 2
     bearings = first + increment * np.arange(beams)
     step = scan_duration / (beams - 1)
     when = time[:, None] + step * np.arange(beams)
-    origin = np.asarray(mount, float)
-    direction = origin[2] + bearings + rng.normal(0.0, jitter, (len(time), 1))
+
+    scanner = np.asarray(mount, float)
+    wobble = rng.normal(0.0, jitter, (len(time), 1))
+    direction = scanner[2] + bearings + wobble
     u = np.stack([np.cos(direction), np.sin(direction)], axis=-1)
-    ranges = rectangle(path(when), (LENGTH, THICKNESS))(origin[:2], u, when)
+    plate = rectangle(path(when), (LENGTH, THICKNESS))
+    ranges = plate(scanner[:2], u, when)
     for thing in things:
-        ranges = np.minimum(ranges, thing(origin[:2], u, when))
+        ranges = np.minimum(ranges, thing(scanner[:2], u, when))
     ranges = ranges + rng.normal(0.0, noise, ranges.shape)
     if quantisation:
         ranges = np.round(ranges / quantisation) * quantisation
-    return Session(encoder_time, omega, time, ranges, first, increment, step, origin, path, at)
+    return Session(
+        encoder_time=encoder_time,
+        omega=omega,
+        time=time,
+        ranges=ranges,
+        angle_min=first,
+        angle_increment=increment,
+        time_increment=step,
+        mount=scanner,
+        path=path,
+        robot=at,
+    )
 
 
 def rectangle(pose: Array, size: tuple[float, float]) -> Thing:
-    """A plate at poses (..., 3), one per ray."""
+    """A plate at poses (..., 3), one per ray.
+
+    In the plate's frame it is the overlap of two slabs, |x| <= length / 2 and |y| <= thickness / 2.
+    A ray is inside from the later entry into a slab to the earlier exit from one.
+    """
+    half_length = size[0] / 2
+    half_thickness = size[1] / 2
 
     def ranges(origin: Array, u: Array, time: Array) -> Array:
-        cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
-        x, y = origin[0] - pose[..., 0], origin[1] - pose[..., 1]
-        enter, leave = np.full(u.shape[:-1], -np.inf), np.full(u.shape[:-1], np.inf)
-        for a, b, half in ((cos, sin, size[0] / 2), (-sin, cos, size[1] / 2)):
-            o, d = a * x + b * y, a * u[..., 0] + b * u[..., 1]
-            d = np.where(d == 0, 1e-12, d)
-            ends = np.stack([(-half - o) / d, (half - o) / d])
-            enter, leave = np.maximum(enter, ends.min(axis=0)), np.minimum(leave, ends.max(axis=0))
-        return np.where((enter < leave) & (enter > 0), enter, np.inf)
+        cos = np.cos(pose[..., 2])
+        sin = np.sin(pose[..., 2])
+        x = origin[0] - pose[..., 0]
+        y = origin[1] - pose[..., 1]
+        enter = np.full(u.shape[:-1], -np.inf)
+        leave = np.full(u.shape[:-1], np.inf)
+        # along and across the plate: the axis' components and the slab's half
+        for axis_x, axis_y, half in ((cos, sin, half_length), (-sin, cos, half_thickness)):
+            offset = axis_x * x + axis_y * y
+            advance = axis_x * u[..., 0] + axis_y * u[..., 1]
+            advance = np.where(advance == 0, NEVER_ZERO, advance)
+            ends = np.stack([(-half - offset) / advance, (half - offset) / advance])
+            enter = np.maximum(enter, ends.min(axis=0))
+            leave = np.minimum(leave, ends.max(axis=0))
+        hit = (enter < leave) & (enter > 0)
+        return np.where(hit, enter, np.inf)
 
     return ranges
 
 
 def wall(start: Sequence[float], end: Sequence[float]) -> Thing:
-    """A wall from `start` to `end` (2,)."""
+    """A wall from `start` to `end` (2,).
+
+    With p from the scanner to `start` and s along the wall, distance u = p + share s is solved by
+    cross products: distance = p x s / u x s and share = p x u / u x s.
+    """
+
+    def cross(a: Array, b: Array) -> Array:
+        return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
     def ranges(origin: Array, u: Array, time: Array) -> Array:
-        p, side = np.subtract(start, origin), np.subtract(end, start)
-        cross = u[..., 0] * side[1] - u[..., 1] * side[0]
-        cross = np.where(cross == 0, 1e-12, cross)
-        distance = (p[0] * side[1] - p[1] * side[0]) / cross
-        share = (p[0] * u[..., 1] - p[1] * u[..., 0]) / cross
-        return np.where((distance > 0) & (share >= 0) & (share <= 1), distance, np.inf)
+        p = np.subtract(start, origin)
+        side = np.subtract(end, start)
+        slant = cross(u, side)
+        slant = np.where(slant == 0, NEVER_ZERO, slant)
+        distance = cross(p, side) / slant
+        share = cross(p, u) / slant
+        hit = (distance > 0) & (share >= 0) & (share <= 1)
+        return np.where(hit, distance, np.inf)
 
     return ranges
 
@@ -135,17 +183,22 @@ def cylinder(place: Callable[[Array], Array], radius: float) -> Thing:
     """An upright cylinder about `place(time)` (..., 2)."""
 
     def ranges(origin: Array, u: Array, time: Array) -> Array:
-        c = place(time) - origin
-        along = np.sum(c * u, axis=-1)
-        inside = radius**2 - (np.sum(c * c, axis=-1) - along**2)
-        near = along - np.sqrt(np.maximum(inside, 0.0))
-        return np.where((inside > 0) & (near > 0), near, np.inf)
+        centre = place(time) - origin
+        along = np.sum(centre * u, axis=-1)
+        aside_squared = np.sum(centre * centre, axis=-1) - along**2
+        half_chord_squared = radius**2 - aside_squared
+        near = along - np.sqrt(np.maximum(half_chord_squared, 0.0))
+        hit = (half_chord_squared > 0) & (near > 0)
+        return np.where(hit, near, np.inf)
 
     return ranges
 
 
 def post(x: float, y: float, radius: float = 0.05) -> Thing:
-    return cylinder(lambda time: np.broadcast_to(np.array([x, y]), (*np.shape(time), 2)), radius)
+    def place(time: Array) -> Array:
+        return np.broadcast_to(np.array([x, y]), (*np.shape(time), 2))
+
+    return cylinder(place, radius)
 
 
 def room() -> list[Thing]:

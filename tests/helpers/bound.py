@@ -31,33 +31,44 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Arra
     The bearings (B,) ascend in equal steps; `noise` is the standard deviation of a range [m].
     """
     size = plate.length, plate.thickness
-    signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) / 2
-    sight, distance = np.arctan2(pose[:, 1], pose[:, 0]), np.hypot(pose[:, 0], pose[:, 1])
+    sight = np.arctan2(pose[:, 1], pose[:, 0])
+    distance = np.hypot(pose[:, 0], pose[:, 1])
     step = (bearings[-1] - bearings[0]) / (len(bearings) - 1)
+
     # as many beams towards every plate as the nearest needs; those outside the field of view don't
     # count
-    spread = int(np.arcsin(np.minimum(np.hypot(*size) / 2 / distance, 1.0)).max() / step) + 2
-    beam = np.round((sight[:, None] - bearings[0]) / step).astype(int) + np.arange(
-        -spread, spread + 1
-    )
+    half_diagonal = np.hypot(*size) / 2
+    half_angle = np.arcsin(np.minimum(half_diagonal / distance, 1.0))
+    spread = int(half_angle.max() / step) + 2
+    central = np.round((sight[:, None] - bearings[0]) / step).astype(int)
+    beam = central + np.arange(-spread, spread + 1)
+    outside = (beam < 0) | (beam >= len(bearings))
     angle = bearings[0] + step * beam
-    beams = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    directions = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
     def ranges(pose: Array) -> Array:
-        return rectangle(pose[:, None], size)(np.zeros(2), beams, np.zeros(1))
+        """Ranges (S, beams)."""
+        return rectangle(pose[:, None], size)(np.zeros(2), directions, np.zeros(1))
+
+    signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    corners = signs / 2 * size @ [1, 1j]  # of the plate in its own frame, x + iy
 
     def edges(pose: Array) -> Array:
-        # (S, 4)
-        corners = pose[:, None, :2] @ [1, 1j] + signs * size @ [1, 1j] * np.exp(1j * pose[:, 2:])
-        ahead = np.angle(corners * np.exp(-1j * sight[:, None]))
+        """Bearings (S, 2) of the silhouette's two ends from the line of sight."""
+        centre = pose[:, None, :2] @ [1, 1j]
+        placed = centre + corners * np.exp(1j * pose[:, 2:])  # (S, 4)
+        ahead = np.angle(placed * np.exp(-1j * sight[:, None]))
         return np.stack([ahead.min(axis=1), ahead.max(axis=1)], axis=-1)
 
+    # J / sigma of the ranges, and of the edges where they are seen
     with np.errstate(invalid="ignore"):
         by_range = _jacobian(ranges, pose) / noise
     by_range[~np.isfinite(by_range)] = 0.0  # of beams that miss
-    by_range[(beam < 0) | (beam >= len(bearings))] = 0.0
-    within = np.abs(edges(pose) + sight[:, None]) < bearings[-1]
-    by_edge = _jacobian(edges, pose) * (within * np.sqrt(12) / step)[..., None]
+    by_range[outside] = 0.0
+    is_seen = np.abs(edges(pose) + sight[:, None]) < bearings[-1]
+    edge_weight = is_seen * np.sqrt(12) / step
+    by_edge = _jacobian(edges, pose) * edge_weight[..., None]
+
     information = by_range.mT @ by_range + by_edge.mT @ by_edge
     bound = np.full_like(information, np.nan)
     full = np.linalg.matrix_rank(information, hermitian=True) == 3
@@ -66,16 +77,21 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Arra
 
 
 def _jacobian(values, pose: Array) -> Array:
-    return np.stack(
-        [(values(pose + h) - values(pose - h)) / (2 * _STEP) for h in _STEP * np.eye(3)], axis=-1
-    )
+    """Central differences (..., 3) of `values` by x, y and heading."""
+    columns = []
+    for h in _STEP * np.eye(3):
+        change = values(pose + h) - values(pose - h)
+        columns.append(change / (2 * _STEP))
+    return np.stack(columns, axis=-1)
 
 
 def ratio_to_bound(error: Array, bound: Array) -> Array:
     """Ratios (3,) of the root mean square errors (S, 3) of x, y and heading to the root of the mean
     bound (S, 3, 3).
     """
-    return np.sqrt(np.mean(error**2, axis=0) / np.mean(np.einsum("sii->si", bound), axis=0))
+    mean_square = np.mean(error**2, axis=0)
+    variances = np.einsum("sii->si", bound)
+    return np.sqrt(mean_square / np.mean(variances, axis=0))
 
 
 def beside_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> tuple[Array, Array]:
@@ -86,6 +102,7 @@ def beside_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> tup
     rows = viewing_angle(local) > MIN_ANGLE
     error = (pose - true_pose)[rows]
     error[:, 2] = (error[:, 2] + np.pi / 2) % np.pi - np.pi / 2
-    bound = scan.covariance_to_world(pose_bound(local[rows], plate, scan.bearings, scan.noise))
+    local_bound = pose_bound(local[rows], plate, scan.bearings, scan.noise)
+    bound = scan.covariance_to_world(local_bound)
     full = np.isfinite(bound).all(axis=(1, 2))
     return error[full], bound[full]

@@ -53,7 +53,8 @@ class SideView:
     @property
     def touching(self) -> tuple[float, float]:
         """Rear and front x of the contact with level ground in the robot's frame [m]."""
-        x = self.wheels[self.wheels[:, 1] - self.wheels[:, 2] < self.ground + _TOUCHES, 0]
+        lowest = self.wheels[:, 1] - self.wheels[:, 2]
+        x = self.wheels[lowest < self.ground + _TOUCHES, 0]
         return float(x.min()), float(x.max())
 
 
@@ -62,10 +63,15 @@ def highest_step(view: SideView, friction: float) -> float:
 
     `friction` is the coefficient between belt and ground, and belt and step [-].
     """
-    low, high = 0.0, float((view.wheels[:, 1] + view.wheels[:, 2]).max() - view.ground + view.ahead)
+    top = float((view.wheels[:, 1] + view.wheels[:, 2]).max())
+    low = 0.0
+    high = top - view.ground + view.ahead
     while high - low > 1e-6:
         middle = (low + high) / 2
-        low, high = (middle, high) if climbs(view, friction, middle) else (low, middle)
+        if climbs(view, friction, middle):
+            low = middle
+        else:
+            high = middle
     return low
 
 
@@ -87,25 +93,38 @@ def push_on_step(
     Where the push at the edge would lift the rear, the rear pushes nothing.
     """
     turn = np.array([[np.cos(pitch), np.sin(pitch)], [-np.sin(pitch), np.cos(pitch)]])
-    wheels, radius = view.wheels[:, :2] @ turn, view.wheels[:, 2]
+    wheels = view.wheels[:, :2] @ turn
+    radius = view.wheels[:, 2]
     lowest = np.argmin(wheels[:, 1] - radius)
     rear = wheels[lowest] - [0, radius[lowest]]
     centre = (view.centre_of_mass @ turn - rear)[0]
+
+    # the hull's outline about the rear contact, from its lowest point to its front
     outer = np.argmax(_OUTWARD @ wheels.T + radius, axis=1)
-    # of the hull, from its lowest point to its front
-    x, z = (wheels[outer] - rear + radius[outer, None] * _OUTWARD).T
+    outline = wheels[outer] - rear + radius[outer, None] * _OUTWARD
+    x, z = outline.T
     if z[-1] > height:
-        edge, touched, angle = np.interp(height, z, x), height, np.interp(height, z, _NORMALS)
+        edge = np.interp(height, z, x)
+        touched = height
+        angle = np.interp(height, z, _NORMALS)
     else:
-        edge, touched, angle = x[-1], z[-1], 0.0
+        edge = x[-1]
+        touched = z[-1]
+        angle = 0.0
+
+    # force of the edge per load: normal and friction forwards
     normal = -np.array([np.cos(angle), np.sin(angle)])
-    force = normal + friction * np.array([normal[1], -normal[0]])
+    tangent = np.array([normal[1], -normal[0]])
+    force = normal + friction * tangent
     # forwards, upwards and moment about the rear contact: loads of the rear and of the edge, and
     # the push that is left
+    moment = edge * force[1] - touched * force[0]
     system = [
         [friction, force[0], -1],
         [1, force[1], 0],
-        [0, edge * force[1] - touched * force[0], 0],
+        [0, moment, 0],
     ]
     rear_load, front_load, push = np.linalg.solve(system, [0, 1, centre])
-    return float(push if rear_load > 0 else front_load * force[0]), bool(centre >= edge)
+    if rear_load <= 0:
+        push = front_load * force[0]
+    return float(push), bool(centre >= edge)

@@ -23,7 +23,6 @@ def ran(folder: Path, *arguments: str) -> Result:
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         main([*arguments, "--out", str(folder)])
-    summary, manifest = (
-        json.loads((folder / f"{name}.json").read_text()) for name in ("summary", "manifest")
-    )
+    summary = json.loads((folder / "summary.json").read_text())
+    manifest = json.loads((folder / "manifest.json").read_text())
     return Result(folder, summary, manifest, printed.getvalue())

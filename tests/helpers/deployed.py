@@ -10,14 +10,20 @@ VALUES = {
     "icr": {"offset": 0.0436},
     "icr_radius": {"offset": 0.045, "radius_error": 0.0067},
     "two_gains": {"offset": 0.045, "radius_error": 0.0067},
-    "diff_drive": dict(offset=0.045, radius_error_left=0.005, radius_error_right=-0.012),
-    "icr_sides": dict(
-        offset_left=0.04, offset_right=0.05, radius_error_left=0.005, radius_error_right=-0.012
-    ),
+    "diff_drive": {"offset": 0.045, "radius_error_left": 0.005, "radius_error_right": -0.012},
+    "icr_sides": {
+        "offset_left": 0.04,
+        "offset_right": 0.05,
+        "radius_error_left": 0.005,
+        "radius_error_right": -0.012,
+    },
     "turn_loss": {"offset": 0.045, "radius_error": 0.0067, "turn_loss": 0.3},
-    "turn_loss_sides": dict(
-        offset=0.045, radius_error_left=0.005, radius_error_right=-0.012, turn_loss=0.3
-    ),
+    "turn_loss_sides": {
+        "offset": 0.045,
+        "radius_error_left": 0.005,
+        "radius_error_right": -0.012,
+        "turn_loss": 0.3,
+    },
     "centrifugal": {
         "offset": 0.045,
         "radius_error": 0.0067,
@@ -31,13 +37,12 @@ VALUES = {
         "beta_inner": -0.854,
     },
     "exponential_speed": {
-        **{
-            "alpha_outer": 0.0815,
-            "beta_outer": -0.892,
-            "alpha_inner": -0.183,
-            "beta_inner": -0.854,
-        },
-        **{"gamma_outer": 0.1, "gamma_inner": -0.2},
+        "alpha_outer": 0.0815,
+        "beta_outer": -0.892,
+        "alpha_inner": -0.183,
+        "beta_inner": -0.854,
+        "gamma_outer": 0.1,
+        "gamma_inner": -0.2,
     },
 }
 """Parameters of a law of each family that has any."""
@@ -55,18 +60,14 @@ def twists(count: int, seed: int = 0) -> Array:
     """
     rng = np.random.default_rng(seed)
     b = GEOMETRY.half_gauge
-    special = [
-        (0, 0),
-        (0.2, 0),
-        (-0.2, 0),
-        (0, 0.5),
-        (0, -0.5),
-        (1e-9, 0.5),
-        (-1e-9, 0.5),
-        (0.1, 1e-12),
-        (3.0, 8.0),
-    ]
-    special += [(sign * b * w, w) for sign in (-1, 1) for w in (-0.4, 0.4)]
-    size, direction = 10 ** rng.uniform(-4, 0.5, count), rng.uniform(-np.pi, np.pi, count)
-    random = np.stack([size * np.cos(direction), size * np.sin(direction) / b], axis=-1)
-    return np.concatenate([np.array(special, float), random])
+    at_rest = (0, 0)
+    straight = [(0.2, 0), (-0.2, 0), (0.1, 1e-12)]
+    in_place = [(0, 0.5), (0, -0.5), (1e-9, 0.5), (-1e-9, 0.5)]
+    pivots = [(0.4 * b, -0.4), (-0.4 * b, 0.4), (-0.4 * b, -0.4), (0.4 * b, 0.4)]
+    fast = (3.0, 8.0)
+    special = np.array([at_rest, *straight, *in_place, *pivots, fast], float)
+    size = 10 ** rng.uniform(-4, 0.5, count)
+    direction = rng.uniform(-np.pi, np.pi, count)
+    v = size * np.cos(direction)
+    w = size * np.sin(direction) / b
+    return np.concatenate([special, np.stack([v, w], axis=-1)])

@@ -38,11 +38,10 @@ def drive_log(
     is of LawMotion.
     """
     rng = np.random.default_rng(seed)
-    speeds = (
-        track_commands(driving, duration, _ENCODERS, Driver(), rng)
-        if isinstance(driving, str)
-        else driving
-    )
+    if isinstance(driving, str):
+        speeds = track_commands(driving, duration, _ENCODERS, Driver(), rng)
+    else:
+        speeds = driving
     omega = speeds / GEOMETRY.sprocket_radius
     moves = LawMotion(law, GEOMETRY, variation, **motion)
     log, true = driven_by_law(f"drive {seed}", moves, omega, _ENCODERS, rng)
@@ -51,12 +50,14 @@ def drive_log(
 
 def constant_speeds(left: float, right: float, duration: float = 30.0) -> Array:
     """Track speeds (T, 2) [m/s] at 50 Hz that don't change, after a start from rest."""
-    ramp = np.minimum(np.arange(int(duration * _ENCODERS) + 1) / _ENCODERS, 1.0)
+    time = np.arange(int(duration * _ENCODERS) + 1) / _ENCODERS
+    ramp = np.minimum(time, 1.0)
     return ramp[:, None] * np.array([left, right])
 
 
 def without_poses(log: RunLog, rows: np.ndarray) -> RunLog:
-    return replace(log, valid=log.is_valid & ~rows, pose=np.where(rows[:, None], np.nan, log.pose))
+    pose = np.where(rows[:, None], np.nan, log.pose)
+    return replace(log, valid=log.is_valid & ~rows, pose=pose)
 
 
 def model(name: str = REFERENCE) -> DriveModel:
@@ -64,4 +65,5 @@ def model(name: str = REFERENCE) -> DriveModel:
 
 
 def fitted(name: str, *logs: RunLog, **options) -> DriveFit:
-    return fit_drives(name, drives_of(logs)[0], GEOMETRY, **options)
+    drives, _ = drives_of(logs)
+    return fit_drives(name, drives, GEOMETRY, **options)

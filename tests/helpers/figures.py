@@ -15,8 +15,9 @@ def assert_readable(figure):
     assert 0 <= around.x0 < around.x1 <= width
     assert 0 <= around.y0 < around.y1 <= height
     panels = [axes for axes in figure.axes if axes.get_visible() and axes.axison]
-    keys = [axes.get_legend() for axes in figure.axes if not axes.axison and axes.get_legend()]
-    boxes = [part.get_tightbbox().padded(-_TOUCHING) for part in (*panels, *keys, *figure.legends)]
+    legends = [axes.get_legend() for axes in figure.axes if not axes.axison and axes.get_legend()]
+    parts = (*panels, *legends, *figure.legends)
+    boxes = [part.get_tightbbox().padded(-_TOUCHING) for part in parts]
     assert not _collide(*boxes)
     for axes in panels:
         assert not _collide(*(text.get_window_extent() for text in _ticks(axes)))

@@ -44,6 +44,8 @@ most = 9.0
 """
 
 
+LOG = ("log", "FILE")
+TRACK = ("track", "--localization", "truth")
 SHORT = ("--reference", "circle", "--circle-duration", "2")
 TRAINING = (
     *("train", "--robots", "2", "--horizon", "32", "--batch", "32", "--epochs", "1"),
@@ -65,57 +67,85 @@ class Kind:
 
 def kinds(folder: Path) -> dict[str, Kind]:
     """All kinds of files, with their examples in a folder."""
+    grid = folder / "grid"
+    _run("grid", "--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--out", grid)
+    found = folder / "found"
+    _run("identify", grid, "--out", found)
+    track = folder / "track"
+    _run("track", *SHORT, "--bag", "--out", track)
+    dataset = folder / "dataset.toml"
+    dataset.write_text(DATASET)
+    bag = next(track.rglob("*.mcap"))
+    return {
+        **_logs(folder),
+        **_results(grid, found),
+        **_settings(folder),
+        **_shipped(),
+        "dataset": Kind(dataset, (("evaluate", "FILE"),)),
+        "mcap": Kind(bag, (LOG,), binary=True),
+        **_bags(folder),
+        **_trained(folder),
+    }
+
+
+def _logs(folder: Path) -> dict[str, Kind]:
+    """A drive as CSV and as Parquet."""
     import pyarrow as pa
     import pyarrow.csv
     import pyarrow.parquet
 
     rows = pa.parquet.read_table(LOGS / "warthog_grass.parquet").slice(0, 700)
-    pa.parquet.write_table(rows, folder / "log.parquet")
-    pa.csv.write_csv(rows, folder / "log.csv")
+    parquet = folder / "log.parquet"
+    pa.parquet.write_table(rows, parquet)
+    csv = folder / "log.csv"
+    pa.csv.write_csv(rows, csv)
     geometry = ("--half-gauge", "0.54", "--sprocket-radius", "0.3")
-    grid = folder / "grid"
-    _run("grid", "--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--out", grid)
-    found = folder / "found"
-    _run("identify", grid, "--out", found)
-    _run("track", *SHORT, "--bag", "--out", folder / "track")
-    (folder / "path.csv").write_text("x,y\n0,0\n0.7,0.1\n1.4,0.45\n2,1\n")
-    (folder / "ground.toml").write_text("along = 0.7\nacross = 0.6\nshear = 0.01\n")
-    (folder / "dataset.toml").write_text(DATASET)
-    (folder / "posts.toml").write_text("posts = [{x = 1, y = 2.0}]\n")
-    track = ("track", "--localization", "truth")
-    circle = (*track, *SHORT)
-    bags = _bags(folder)
+    identify = ("identify", "FILE", *geometry, "--laws", "icr")
+    return {"csv": Kind(csv, (LOG, identify)), "parquet": Kind(parquet, (LOG,), binary=True)}
+
+
+def _results(grid: Path, found: Path) -> dict[str, Kind]:
+    """What a grid and an identification store."""
+    identify = ("identify", "FILE")
+    with_its_laws = (*TRACK, *SHORT, "--laws", "FILE")
+    deploy = ("deploy", "FILE", "--out", "dd.yaml")
+    log = ("log", "FOLDER")
+    predict = ("predict", "--out", "FOLDER")
     return {
-        "csv": Kind(
-            folder / "log.csv", (("log", "FILE"), ("identify", "FILE", *geometry, "--laws", "icr"))
-        ),
-        "parquet": Kind(folder / "log.parquet", (("log", "FILE"),), binary=True),
-        "runs": Kind(grid / "runs.parquet", (("log", "FILE"), ("identify", "FILE")), binary=True),
-        "summary": Kind(
-            found / "summary.json",
-            ((*circle, "--laws", "FILE"), ("deploy", "FILE", "--out", "dd.yaml")),
-        ),
-        "manifest": Kind(
-            grid / "manifest.json", (("log", "FOLDER"), ("predict", "--out", "FOLDER"))
-        ),
-        "path": Kind(folder / "path.csv", ((*track, "--reference", "FILE"),)),
-        "ground": Kind(folder / "ground.toml", ((*circle, "--ground", "FILE"),)),
-        "posts": Kind(folder / "posts.toml", ((*circle, "--obstacles", "FILE"),)),
-        "course": Kind(
-            sorted((MODELS / "courses").glob("*.toml"))[0],
-            (("drive", "--course", "FILE", "--duration", "1"),),
-        ),
-        "robot": Kind(MODELS / "husky.toml", (("drive", "--robot", "FILE", "--check"),)),
-        "tracked": Kind(MODELS / "box_robot.toml", (("drive", "--robot", "FILE", "--check"),)),
-        "mjcf": Kind(MODELS / "box_robot.xml", (("drive", "--robot", "ROBOT", "--check"),)),
-        "sweep": Kind(
-            ROOT / "examples" / "sensitivity.toml",
-            (("grid", "--sweep", "FILE", "--duration", "0.2", "--radii", "1", "--speeds", "0.2"),),
-        ),
-        "dataset": Kind(folder / "dataset.toml", (("evaluate", "FILE"),)),
-        "mcap": Kind(next((folder / "track").rglob("*.mcap")), (("log", "FILE"),), binary=True),
-        **bags,
-        **_trained(folder),
+        "runs": Kind(grid / "runs.parquet", (LOG, identify), binary=True),
+        "summary": Kind(found / "summary.json", (with_its_laws, deploy)),
+        "manifest": Kind(grid / "manifest.json", (log, predict)),
+    }
+
+
+def _settings(folder: Path) -> dict[str, Kind]:
+    """Files that a user writes for a run of `track`."""
+    path = folder / "path.csv"
+    path.write_text("x,y\n0,0\n0.7,0.1\n1.4,0.45\n2,1\n")
+    ground = folder / "ground.toml"
+    ground.write_text("along = 0.7\nacross = 0.6\nshear = 0.01\n")
+    posts = folder / "posts.toml"
+    posts.write_text("posts = [{x = 1, y = 2.0}]\n")
+    return {
+        "path": Kind(path, ((*TRACK, "--reference", "FILE"),)),
+        "ground": Kind(ground, ((*TRACK, *SHORT, "--ground", "FILE"),)),
+        "posts": Kind(posts, ((*TRACK, *SHORT, "--obstacles", "FILE"),)),
+    }
+
+
+def _shipped() -> dict[str, Kind]:
+    """Courses, robots and a sweep."""
+    course, *_ = sorted((MODELS / "courses").glob("*.toml"))
+    drive = ("drive", "--course", "FILE", "--duration", "1")
+    check = ("drive", "--robot", "FILE", "--check")
+    check_model = ("drive", "--robot", "ROBOT", "--check")
+    sweep = ("grid", "--sweep", "FILE", "--duration", "0.2", "--radii", "1", "--speeds", "0.2")
+    return {
+        "course": Kind(course, (drive,)),
+        "robot": Kind(MODELS / "husky.toml", (check,)),
+        "tracked": Kind(MODELS / "box_robot.toml", (check,)),
+        "mjcf": Kind(MODELS / "box_robot.xml", (check_model,)),
+        "sweep": Kind(ROOT / "examples" / "sensitivity.toml", (sweep,)),
     }
 
 
@@ -151,8 +181,8 @@ def _bags(folder: Path) -> dict[str, Kind]:
         one = write_bag(folder / "one", "ros1", messages, compression="bz2")
         two = write_bag(folder / "two", "sqlite3", messages)
         return {
-            "ros1": Kind(one, (("log", "FILE"),), binary=True),
-            "db3": Kind(next(two.glob("*.db3")), (("log", "FILE"),), binary=True),
+            "ros1": Kind(one, (LOG,), binary=True),
+            "db3": Kind(next(two.glob("*.db3")), (LOG,), binary=True),
             "metadata": Kind(two / "metadata.yaml", (("log", "FOLDER"),)),
         }
     return {}
@@ -169,7 +199,8 @@ def outcome(kind: Kind, content: bytes, command: tuple[str, ...], folder: Path) 
     The folder gets the mutant, beside the example's neighbours, and the command's output.
     """
     beside = folder / "beside"
-    shutil.copytree(kind.example.parent, beside) if _needs_neighbours(command, kind) else None
+    if _needs_neighbours(command, kind):
+        shutil.copytree(kind.example.parent, beside)
     beside.mkdir(exist_ok=True)
     file = beside / kind.example.name
     file.unlink(missing_ok=True)

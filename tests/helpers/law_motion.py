@@ -28,7 +28,8 @@ class SlipVariation:
     lasting_time: float = 3.0
 
 
-STILL, WHITE = SlipVariation(), SlipVariation(along=0.002, across=0.002, turning=0.005)
+STILL = SlipVariation()
+WHITE = SlipVariation(along=0.002, across=0.002, turning=0.005)
 
 
 @dataclass(frozen=True)
@@ -51,22 +52,33 @@ class LawMotion:
         substeps = max(1, int(np.ceil(1 / rate / _STEP - 1e-9)))
         step = 1 / rate / substeps
         speeds = np.repeat(omega[1:], substeps, axis=0)
+
+        # slip that lasts: a first-order process, stationary from the start
         if self.variation.lasting > 0:
             keep = np.exp(-step / self.variation.lasting_time)
-            shocks = rng.standard_normal(speeds.shape) * np.sqrt(1 - keep**2)
-            shocks[0] /= np.sqrt(1 - keep**2)  # stationary from the start
+            scale = np.sqrt(1 - keep**2)
+            shocks = rng.standard_normal(speeds.shape) * scale
+            shocks[0] /= scale
             lasting = scipy.signal.lfilter([1.0], [1.0, -keep], shocks, axis=0)
             speeds = speeds * (1 + self.variation.lasting * lasting)
+
         twist = np.zeros((len(speeds), 3))
         twist[:, ::2] = self._delayed(self.law.twist(speeds, self.geometry), step)
-        twist[:, 1] = -(self.turning_centre + self.drift * twist[:, 0]) * twist[:, 2]
-        way = self.geometry.sprocket_radius * np.abs(speeds).mean(axis=1, keepdims=True) * step
+        sideways = self.turning_centre + self.drift * twist[:, 0]
+        twist[:, 1] = -sideways * twist[:, 2]
+
+        # white slip: its variance grows with the distance that the tracks run
+        mean_speed = np.abs(speeds).mean(axis=1, keepdims=True)
+        distance = self.geometry.sprocket_radius * mean_speed * step
         white = np.array([self.variation.along, self.variation.across, self.variation.turning])
         steps = se2.exp(twist * step)
         if white.any():
-            steps = steps + white * np.sqrt(way) * rng.standard_normal(steps.shape)
+            steps = steps + white * np.sqrt(distance) * rng.standard_normal(steps.shape)
+
+        time = np.arange(len(steps) + 1) * step
+        motion = Motion(time, se2.chain(np.zeros(3), steps))
         at_rows = np.concatenate([np.zeros((1, 3)), twist[substeps - 1 :: substeps]])
-        return Motion(np.arange(len(steps) + 1) * step, se2.chain(np.zeros(3), steps)), at_rows
+        return motion, at_rows
 
     def _delayed(self, twist: Array, step: float) -> Array:
         """Means (F, 2) over each step of twists that lag behind those of the belts; the robot
@@ -75,10 +87,10 @@ class LawMotion:
         if self.lag == 0:
             return twist
         keep = np.exp(-step / self.lag)
-        missing = scipy.signal.lfilter(
-            [1.0], [1.0, -keep], np.diff(twist, axis=0, prepend=0.0), axis=0
-        )
-        return twist - (1 - keep) * self.lag / step * missing
+        changes = np.diff(twist, axis=0, prepend=0.0)
+        missing = scipy.signal.lfilter([1.0], [1.0, -keep], changes, axis=0)
+        mean_over_step = (1 - keep) * self.lag / step
+        return twist - mean_over_step * missing
 
 
 def driven_by_law(
@@ -89,10 +101,13 @@ def driven_by_law(
     """
     moved, twist = law.drive(omega, rate, rng)
     motion = Motion(moved.time, se2.compose(np.array(start), moved.pose))
-    time, command = np.arange(len(omega)) / rate, np.concatenate([omega[1:], omega[-1:]])
+    time = np.arange(len(omega)) / rate
+    command = np.concatenate([omega[1:], omega[-1:]])
     pose = motion.at(time)
     if counts is not None:
-        count, turned = 2 * np.pi / counts, np.cumsum(omega[1:] / rate, axis=0)
-        angle = np.floor(np.concatenate([np.zeros((1, 2)), turned]) / count) * count
-        omega = np.concatenate([omega[:1], np.diff(angle, axis=0) * rate])
+        count = 2 * np.pi / counts  # [rad]
+        turned = np.cumsum(omega[1:] / rate, axis=0)
+        angle = np.concatenate([np.zeros((1, 2)), turned])
+        counted = np.floor(angle / count) * count
+        omega = np.concatenate([omega[:1], np.diff(counted, axis=0) * rate])
     return RunLog(name, time, omega, pose, command, truth=Truth(pose, twist)), motion

@@ -9,10 +9,13 @@ from trackslip.trajectory.base import Reference
 
 def pose_with_error(desired: Array, error: Array) -> Array:
     """The poses (..., 3) whose body-frame errors about `desired` (..., 3) are `error` (..., 3)."""
-    phi = desired[..., 2] - error[..., 2]
-    cos, sin = np.cos(phi), np.sin(phi)
-    offset = [cos * error[..., 0] - sin * error[..., 1], sin * error[..., 0] + cos * error[..., 1]]
-    return np.stack([desired[..., 0] - offset[0], desired[..., 1] - offset[1], phi], axis=-1)
+    ahead, left, turn = np.moveaxis(error, -1, 0)
+    phi = desired[..., 2] - turn
+    cos = np.cos(phi)
+    sin = np.sin(phi)
+    x = desired[..., 0] - (cos * ahead - sin * left)
+    y = desired[..., 1] - (sin * ahead + cos * left)
+    return np.stack([x, y, phi], axis=-1)
 
 
 def error_gains(
@@ -21,17 +24,17 @@ def error_gains(
     """Derivative (2, 3) of the twist by the body-frame error, at no error, by central
     differences.
     """
+    desired = reference.pose(time)
+
+    def twist_with(error: Array) -> Array:
+        controller.reset()
+        return controller.twist(time, pose_with_error(desired, error), reference)
+
     columns = []
     for direction in np.eye(3):
-        both = []
-        for sign in (1.0, -1.0):
-            controller.reset()
-            both.append(
-                controller.twist(
-                    time, pose_with_error(reference.pose(time), sign * h * direction), reference
-                )
-            )
-        columns.append((both[0] - both[1]) / (2 * h))
+        ahead = twist_with(1.0 * h * direction)
+        behind = twist_with(-1.0 * h * direction)
+        columns.append((ahead - behind) / (2 * h))
     return np.stack(columns, axis=-1)
 
 

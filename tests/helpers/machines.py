@@ -15,8 +15,10 @@ LIMITS = '<limit lower="{}" upper="{}" effort="200" velocity="2"/>'
 
 
 def inertia_of_box(mass, x, y, z):
-    """The <inertia> of a box."""
-    xx, yy, zz = (mass / 12 * (a**2 + b**2) for a, b in ((y, z), (x, z), (x, y)))
+    """The <inertia> of a box of these edges: m / 12 (a^2 + b^2) about the third."""
+    xx = mass / 12 * (y**2 + z**2)
+    yy = mass / 12 * (x**2 + z**2)
+    zz = mass / 12 * (x**2 + y**2)
     return f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/>'
 
 
@@ -47,7 +49,8 @@ def wheel(name, at, parent="base", radius=0.1, axis="0 1 0", turn="1.5708 0 0", 
 
 def write(folder: Path, parts, text, name="machine"):
     """Write a URDF of these parts and its robot file; returns the latter's path."""
-    (folder / f"{name}.urdf").write_text(f'<robot name="{name}">\n{"".join(parts)}</robot>\n')
+    model = f'<robot name="{name}">\n{"".join(parts)}</robot>\n'
+    (folder / f"{name}.urdf").write_text(model)
     file = folder / f"{name}.toml"
     file.write_text(f'model = "{name}.urdf"\n{text}')
     return file
@@ -71,35 +74,48 @@ def drive(file, speeds=(0.0, 0.0), duration=6.0, preset="accurate", angles=None)
     """
     robot = load_tracked(file)
     built = build_tracked(robot, preset=preset)
-    model, data = built.model, mujoco.MjData(built.model)
+    model = built.model
+    data = mujoco.MjData(model)
     place, velocity = built.free
     data.qpos[place : place + 7] = [0, 0, 0.001 - robot.lowest, 1, 0, 0, 0]
-    angle = built.flipper_control(clear_angles(built) if angles is None else np.array(angles))
-    data.qpos[built.flipper_qpos] = angle
-    data.ctrl[built.flipper_motor] = angle
+    if angles is None:
+        angles = clear_angles(built)
+    control = built.flipper_control(np.array(angles))
+    data.qpos[built.flipper_qpos] = control
+    data.ctrl[built.flipper_motor] = control
     built.belts.set(built.belt_speeds(np.array(speeds)))
-    rows, loads = [], []
-    steps = round(duration / 0.1)
+    yaw_rates = []
+    forwards = []
+    loads = []
+    period = 0.1
+    steps = round(duration / period)
     for k in range(steps):
-        mujoco.mj_step(model, data, nstep=round(0.1 / model.opt.timestep))
+        mujoco.mj_step(model, data, nstep=round(period / model.opt.timestep))
         if k >= steps / 2:
             ahead = data.xmat[built.body].reshape(3, 3)[:, 0]
-            forwards = float(data.qvel[velocity : velocity + 3] @ ahead)
-            rows.append((float(data.qvel[velocity + 5]), forwards))
+            yaw_rates.append(data.qvel[velocity + 5])
+            forwards.append(data.qvel[velocity : velocity + 3] @ ahead)
             loads.append(built.belts.read(data).load)
-    yaw_rate, forwards = np.mean(rows, axis=0)
-    height = float(data.qpos[place + 2])
-    return Driven(yaw_rate, forwards, np.mean(loads, axis=0), height, built, data)
+    return Driven(
+        yaw_rate=float(np.mean(yaw_rates)),
+        forwards=float(np.mean(forwards)),
+        load=np.mean(loads, axis=0),
+        height=float(data.qpos[place + 2]),
+        built=built,
+        data=data,
+    )
 
 
 def yaw_rate_by_theory(points, speeds, centre_of_mass, friction=0.7):
     """Yaw rate by least power of contact points (x, y) with equal springs [rad/s]."""
     x, y = np.array(points, float).T
     ahead, left, height = centre_of_mass
-    middle = x.mean(), y.mean()
-    off = ahead - middle[0], left - middle[1], height
-    contact = Contact(x - middle[0], y - middle[1], friction, friction, off)
-    return float(steady_twist(np.array(speeds), contact)[2])
+    middle_x = x.mean()
+    middle_y = y.mean()
+    off = (ahead - middle_x, left - middle_y, height)
+    contact = Contact(x - middle_x, y - middle_y, friction, friction, off)
+    twist = steady_twist(np.array(speeds), contact)
+    return float(twist[2])
 
 
 def loads_of_equal_springs(points, centre_of_mass, weight):
@@ -116,8 +132,9 @@ def twist_of_least_power(points, loads, speeds, friction=0.7):
     x, y = np.array(points, float).T
 
     def power(twist):
-        ahead = twist[0] - twist[2] * y - speeds
-        left = twist[1] + twist[2] * x
+        v, u, w = twist
+        ahead = v - w * y - speeds
+        left = u + w * x
         return friction * float(np.sum(loads * np.hypot(ahead, left)))
 
     start = [np.mean(speeds), 0.0, np.ptp(speeds) / np.ptp(y)]

@@ -33,6 +33,7 @@ MEMORY = "~ it only refuses logs, which tests of trackslip.logs and bags check"
 WAIT = "~ it only waits for the workers of a cluster, which tests of the pool check"
 PICTURES = "~ it needs OpenGL; tests of drive check it"
 RESUMED = "~ tests of train check it"
+FOUND = "~ no robot is lost on so short a path; tests of the closed loop check it"
 LOOPS = "~ tune drives the closed loops of benchmark, whose table has it"
 
 RESULTS = {"out": PLACE, "overwrite": PLACE}
@@ -93,10 +94,12 @@ CLOSED_LOOPS = (
     EQUIPMENT
     | SCANS
     | {
-        "drive.top_speed": "--drive.top-speed 0.15",
+        "drive.top_speed": "--drive.top-speed 0.2",
         "obstacles": "~ none hides the plate on so short a path; the table of track has it",
         "localization": "--localization truth",
         "preview": "--preview 0.1",
+        "command_delay": "--command-delay 0.1",
+        "when_lost": FOUND,
         "laws": "--compensations icr_radius | --laws {laws}",
     }
 )
@@ -133,6 +136,7 @@ CASES = {
             "jobs": SPEED,
             "wait": WAIT,
             "bag": "--bag",
+            "pdf": FIGURES,
         },
     ),
     "reproduce": Case(
@@ -140,12 +144,14 @@ CASES = {
         GRID | {"pdf": FIGURES},
     ),
     "track": Case(
-        "track --controller feedforward --reference circle --circle-duration 5 "
-        "--circle-speed 0.28 --threads 1",
+        "track --start 0 0.1 0 --reference circle --circle-duration 5 --circle-speed 0.25 "
+        "--threads 1",
         SIMULATION
         | SCANS
         | {
-            "controller": "--controller linear",
+            "command_delay": "--command-delay 0.1",
+            "when_lost": FOUND,
+            "controller": "--controller feedforward",
             "compensation": "--compensation none",
             "preview": "--preview 0.1",
             "localization": "--localization truth",
@@ -153,11 +159,16 @@ CASES = {
             "circle_radius": "--circle-radius 2",
             "circle_speed": "--circle-speed 0.1",
             "circle_duration": "--circle-duration 6",
-            "start": "--start 0 0.1 0",
+            "speed": "--reference {bend} | --reference {bend} --speed 0.2",
+            "tolerance": "--reference {steps} | --reference {steps} --tolerance 0.03",
+            "start": "--start 0 0.2 0",
             "laws": "--laws {laws}",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
+            "speed": "--speed 0.1",
+            "tolerance": "--tolerance 0.03",
             "scanner.noise": "--localization truth --scanner.noise 0.02",
             "obstacles": "--localization truth --obstacles posts",
             "laws": "--compensation none --laws {laws}",
@@ -192,6 +203,7 @@ CASES = {
             "source.left": "--source.left 0.2",
             "source.mounting": "--source.mounting 0.3",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
             "source.heading_noise": "--source gnss --source.heading-noise 0.1",
@@ -277,7 +289,7 @@ CASES = {
         | NO_BAG
         | NO_LAYOUT
         | {
-            "path": "~ the log",
+            "logs": "~ the log",
             "where": "~ tests of identify check it",
             "half_gauge": "--half-gauge 0.2",
             "sprocket_radius": "--sprocket-radius 0.05",
@@ -306,7 +318,7 @@ CASES = {
         | NO_LAYOUT
         | {name: f"--robot shipped | {words}" for name, words in GROUND.items()}
         | {
-            "path": "~ the log",
+            "logs": "~ the log",
             "law": "--law none",
             "robot": "--robot shipped",
             "ground.uphill": "--robot shipped --ground.slope 0.1 | --ground.uphill 1",
@@ -361,7 +373,7 @@ CASES = {
         {"ground.slope": "--ground.slope 0.1", "ground.changes": "--ground sticky"},
     ),
     "benchmark": Case(
-        "benchmark --controllers linear --compensations none --references {bend} --starts zero "
+        "benchmark --controllers linear --compensations none --references {bend} --starts paper "
         "--grounds stone --seeds 0 --jobs 1",
         CLOSED_LOOPS
         | {
@@ -369,15 +381,21 @@ CASES = {
             "controllers": "--controllers lqr",
             "compensations": "--compensations icr_radius",
             "references": "--references {straight}",
+            "speed": "--speed 0.1",
+            "tolerance": "--references {steps} | --references {steps} --tolerance 0.03",
             "grounds": "--grounds ice",
-            "starts": "--starts paper",
+            "starts": "--starts zero",
             "seeds": "--seeds 1",
             "plants": "--plants nominal",
             "gains": "--gains default",
             "jobs": SPEED,
             "pdf": FIGURES,
         },
-        {"scanner.noise": "--localization truth --scanner.noise 0.02"},
+        {
+            "scanner.noise": "--localization truth --scanner.noise 0.02",
+            "speed": "--references slalom --speed 0.1",
+            "tolerance": "--references slalom --tolerance 0.03",
+        },
     ),
     "tune": Case(
         "tune linear --compensations none --evaluations 12 --threads 1",
@@ -400,6 +418,7 @@ CASES = {
         RESULTS
         | {
             "env": "~ tests of train check it",
+            "pdf": FIGURES,
             "steps": "--steps 384",
             "robots": "--robots 8",
             "references": "--references circle",
@@ -449,6 +468,7 @@ CASES = {
         | {
             "path": "~ the log",
             "run": "~ tests of recordings check it",
+            "robot": "~ tests of recordings check it",
             "web": SCREEN,
             "save": PLACE,
             "max_memory": MEMORY,
@@ -488,9 +508,9 @@ def write_inputs(folder: Path) -> dict[str, str]:
         law["values"] = {name: 1.1 * value for name, value in law["values"].items()}
     rng = np.random.default_rng(0)
     omega = rng.uniform(1, 5, (30, 2))
-    twist = np.array([0.0297, 0.1409]) * [[1, 1]] * np.column_stack(
-        [omega.sum(axis=1), omega[:, 1] - omega[:, 0]]
-    ) + 0.001 * rng.standard_normal((30, 2))
+    sum_and_difference = np.column_stack([omega.sum(axis=1), omega[:, 1] - omega[:, 0]])
+    exact = np.array([0.0297, 0.1409]) * sum_and_difference
+    twist = exact + 0.001 * rng.standard_normal((30, 2))
     np.savetxt(
         folder / "samples.csv",
         np.column_stack([omega, twist]),
@@ -502,6 +522,7 @@ def write_inputs(folder: Path) -> dict[str, str]:
         "laws.json": json.dumps(laws),
         "bend.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.45\n",
         "straight.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.2\n",
+        "steps.csv": "x,y\n" + "".join(f"{k // 2 / 10},{k % 2 / 25}\n" for k in range(30)),
         "robot.toml": "mass = 30.0\ncontact_length = 0.3\n[drive]\nlag = 0.1\n",
         "sweep.toml": "seed = [0, 1]\n",
     }
@@ -518,7 +539,10 @@ def outcome(line: str, folder: Path) -> tuple[int, object, str]:
     options: manifests, pages, metadata and ids.
     """
     folder.mkdir()
-    printed, errors, code, here = io.StringIO(), io.StringIO(), 0, Path.cwd()
+    printed = io.StringIO()
+    errors = io.StringIO()
+    code = 0
+    here = Path.cwd()
     os.chdir(folder)
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors):
@@ -533,7 +557,7 @@ def outcome(line: str, folder: Path) -> tuple[int, object, str]:
         for file in sorted(folder.rglob("*"))
         if file.is_file() and file.name not in ("manifest.json", "report.html")
     }
-    text = re.sub(r"[\d.]+ s\b", "", printed.getvalue())
+    text = re.sub(r"[\d.]+ m?s\b", "", printed.getvalue())
     return code, (files, text), errors.getvalue()
 
 

@@ -9,8 +9,8 @@ A block is a fence with a language. A comment on the line above it may say what 
     machine <!-- not run: why -->       commands that aren't trackslip's <!-- refused -->
     commands that must end with exit code 2 <!-- file: NAME -->         a file that later blocks use
 
-`text` blocks are the output of the block before them, to the digit. A line that ends in … leaves
-out the rest of it.
+`text` blocks are the output of the block before them, to the digit. A line … stands for lines that
+are left out, and a line that ends in … leaves out the rest of it.
 """
 
 import importlib.util
@@ -26,6 +26,7 @@ from experiments.cli import main, parse
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 LANGUAGES = ("python", "sh", "c", "xml", "toml", "csv", "text", "bibtex")
+LEFT_OUT = "…"
 DIRECTIVES = ("", "slow", "needs", "parsed only", "not run", "refused", "file")
 _BLOCK = re.compile(
     r"(?:^<!-- ([a-z ]+)(?:: (.+))? -->\n)?^(```+|~~~+)(.*)\n((?:.*\n)*?)\3$", re.MULTILINE
@@ -76,15 +77,36 @@ def links(page: str) -> list[str]:
     return [link for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page) if "://" not in link]
 
 
-def missing_line(text: str, printed: str) -> str | None:
-    """The first shown line that wasn't printed in this order, or None: words and numbers as
-    printed, spacing apart.
+def difference(text: str, printed: str) -> str | None:
+    """What a shown text has that wasn't printed in this order, or leaves out without a line …; None
+    if nothing: words and numbers as printed, spacing and the rules of tables apart.
     """
-    there = iter([line.split() for line in printed.splitlines() if line.strip()])
-    for line in filter(None, map(str.strip, text.splitlines())):
-        words = line.removesuffix("…").split()
-        if not any(words == (row[: len(words)] if line.endswith("…") else row) for row in there):
-            return line
+    rows = [line.split() for line in printed.splitlines() if line.strip(" ─")]
+    shown = [line.strip() for line in text.splitlines() if line.strip()]
+    place = 0
+    is_marked = False
+    for line in shown:
+        if line == LEFT_OUT:
+            is_marked = True
+            continue
+        words = line.removesuffix(LEFT_OUT).split()
+        is_cut = line.endswith(LEFT_OUT)
+        found = next(
+            (
+                k
+                for k in range(place, len(rows))
+                if words == rows[k][: len(words) if is_cut else None]
+            ),
+            None,
+        )
+        if found is None:
+            return f"not printed: {line}"
+        if found > place and not is_marked:
+            return f"left out without a line {LEFT_OUT}: {' '.join(rows[place])}"
+        place = found + 1
+        is_marked = False
+    if place < len(rows) and not is_marked:
+        return f"left out without a line {LEFT_OUT}: {' '.join(rows[place])}"
     return None
 
 
@@ -99,19 +121,17 @@ class PageRunner:
     printed: str | None = None  # by the block before, if it was run
 
     def __post_init__(self) -> None:
-        (self.folder / "examples").symlink_to(ROOT / "examples")  # pages are read in a checkout
+        if not (self.folder / "examples").exists():  # pages are read in a checkout
+            (self.folder / "examples").symlink_to(ROOT / "examples")
 
     def run(self, block: Block) -> None:
         """Run a block; raises AssertionError where a page shows what wasn't printed, or a command
         ends otherwise.
         """
         if block.language == "text":
-            line = (
-                None
-                if self.printed is None or block.directive
-                else missing_line(block.text, self.printed)
-            )
-            assert line is None, f"not printed: {line}\nprinted was:\n{self.printed}"
+            is_checked = self.printed is not None and not block.directive
+            wrong = difference(block.text, self.printed) if is_checked else None
+            assert wrong is None, f"{wrong}\nprinted was:\n{self.printed}"
             return
         runs = self._runs(block)
         if block.directive == "file":

@@ -82,25 +82,35 @@ def drive_of(
     rng = np.random.default_rng(seed)
     count = int(duration / hold) + 1
     if commands is None:
-        v, w = rng.uniform(-0.4, 1.0, count) * speed, rng.uniform(-1.0, 1.0, count) * yaw_rate
+        v = rng.uniform(-0.4, 1.0, count) * speed
+        w = rng.uniform(-1.0, 1.0, count) * yaw_rate
         v[rng.random(count) < 0.2] = 0.0  # turns on the spot
         commands = v, w
     time = ENCODER_STEP * np.arange(round(duration / ENCODER_STEP) + 1)
-    wanted = np.stack(commands)[:, np.minimum((time / hold).astype(int), len(commands[0]) - 1)]
-    share = ENCODER_STEP / _SETTLING
-    v, w = _late(wanted, share)
-    scale = robot.radius * (1 + robot.radius_error + np.array([1, -1]) * robot.unequal)
-    wide = robot.half_gauge + robot.offset
-    omega = np.column_stack([v - wide * w, v + wide * w]) / scale
+    command = np.minimum((time / hold).astype(int), len(commands[0]) - 1)  # of each row
+    wanted = np.stack(commands)[:, command]
+    v, w = _late(wanted, ENCODER_STEP / _SETTLING)
+    omega = _wheels(robot, v, w)
     if law is not None:
         v, w = law.twist(omega, robot.geometry).T
     if slip:
         every = np.arange(0.0, duration + 2.0)
-        v, w = (
-            (1 + slip * np.interp(time, every, rng.normal(size=len(every)))) * values
-            for values in (v, w)
-        )
+
+        def slipped(values: Array) -> Array:
+            deviation = np.interp(time, every, rng.normal(size=len(every)))
+            return (1 + slip * deviation) * values
+
+        v = slipped(v)
+        w = slipped(w)
     return Drive(time, omega, _path(v, w))
+
+
+def _wheels(robot: Robot, v: Array | float, w: Array) -> Array:
+    """Speeds (T, 2) of the wheels at which the law gives these speeds and yaw rates [rad/s]."""
+    half_width = robot.half_gauge + robot.offset
+    belts = np.column_stack([v - half_width * w, v + half_width * w])
+    radius = robot.radius * (1 + robot.radius_error + np.array([1, -1]) * robot.unequal)
+    return belts / radius
 
 
 def weaving(
@@ -111,14 +121,13 @@ def weaving(
     """
     rng = np.random.default_rng(seed)
     time = ENCODER_STEP * np.arange(round(duration / ENCODER_STEP) + 1)
-    w = rng.uniform(-0.6, 0.6, int(duration / 3) + 1)[(time / 3).astype(int)]
-    wide = robot.half_gauge + robot.offset
-    omega = np.column_stack([speed - wide * w, speed + wide * w]) / (
-        robot.radius * (1 + robot.radius_error)
-    )
+    turns = rng.uniform(-0.6, 0.6, int(duration / 3) + 1)
+    w = turns[(time / 3).astype(int)]
+    omega = _wheels(robot, speed, w)
     turning = _late(w, ENCODER_STEP / 0.3)
     every = np.arange(0.0, duration + 4.0, 2.0)
-    turning += 0.05 * np.interp(time, every, rng.normal(size=len(every)))
+    pushes = rng.normal(size=len(every))
+    turning += 0.05 * np.interp(time, every, pushes)
     return Drive(time, omega, _path(np.full(len(time), speed), turning))
 
 
@@ -135,9 +144,9 @@ def _path(v: Array, w: Array) -> Array:
     step before it.
     """
     heading = np.append(0.0, np.cumsum(w[1:] * ENCODER_STEP))
-    place = np.append(
-        0.0, np.cumsum(v[1:] * ENCODER_STEP * np.exp(0.5j * (heading[1:] + heading[:-1])))
-    )
+    mean_heading = 0.5j * (heading[1:] + heading[:-1])
+    steps = v[1:] * ENCODER_STEP * np.exp(mean_heading)  # x + iy
+    place = np.append(0.0, np.cumsum(steps))
     return np.column_stack([place.real, place.imag, heading])
 
 
@@ -164,10 +173,9 @@ def table_of(drive: Drive, time: Array, pose: Array, run: str = "a") -> pa.Table
     columns[np.searchsorted(every, drive.time), :2] = drive.omega
     columns[np.searchsorted(every, time), 2:] = pose
     names = ("omega_l", "omega_r", "x", "y", "phi")
-    cells = {
-        name: pa.array(values, from_pandas=True)
-        for name, values in zip(names, columns.T, strict=True)
-    }
+    cells = {}
+    for name, values in zip(names, columns.T, strict=True):
+        cells[name] = pa.array(values, from_pandas=True)
     return pa.table({"run": [run] * len(every), "t": every} | cells)
 
 
@@ -181,8 +189,11 @@ def wandered(*, name="drive", duration=30.0, headings=True, outliers=0, seed=0):
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, duration, 0.05)
     at = time[:, None] + rng.uniform(0, 10, 2)
-    sway = np.sin(2.3 * at[:, 1]) + 0.6 * np.sin(0.7 * at[:, 0])
-    twist = np.column_stack([0.12 + 0.08 * np.sin(0.9 * at[:, 0]), 0.5 * sway])
+    slow = at[:, 0]
+    fast = at[:, 1]
+    v = 0.12 + 0.08 * np.sin(0.9 * slow)
+    w = 0.5 * (np.sin(2.3 * fast) + 0.6 * np.sin(0.7 * slow))
+    twist = np.column_stack([v, w])
     omega = LAW.sprocket_speeds(twist, GEOMETRY)
     motion = np.insert(twist[1:] * 0.05, 1, 0.0, axis=1)
     pose = se2.chain(np.zeros(3), se2.exp(motion))
@@ -190,11 +201,13 @@ def wandered(*, name="drive", duration=30.0, headings=True, outliers=0, seed=0):
     pose[10 : 10 + 20 * outliers : 20, :2] += 0.5
     if not headings:
         pose[:, 2] = np.nan
-    return RunLog(name, time, omega, pose, valid=np.arange(len(time)) % 2 == 0)
+    valid = np.arange(len(time)) % 2 == 0
+    return RunLog(name, time, omega, pose, valid=valid)
 
 
 def identified_from(*logs, names=("none", "icr", "icr_radius")) -> Identification:
-    found = compare_drives(first_look(drives_of(logs)[0], GEOMETRY), GEOMETRY, names=names)
+    drives, _ = drives_of(logs)
+    found = compare_drives(first_look(drives, GEOMETRY), GEOMETRY, names=names)
     return Identification(GEOMETRY, "drive", None, found, (), found.warnings, logs)
 
 

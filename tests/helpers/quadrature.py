@@ -20,11 +20,16 @@ def integral_miss(reference: ProfiledReference | SegmentedReference) -> float:
     """
     time = times(reference)
     half = np.diff(time)[:, None] / 2
-    at = time[:-1, None] + half * (1 + _NODES)  # (T - 1, 6)
-    v, w = np.moveaxis(reference.twist(at), -1, 0)
-    phi = reference.pose(at)[..., 2]
+    nodes = time[:-1, None] + half * (1 + _NODES)  # (T - 1, 6)
+    v, w = np.moveaxis(reference.twist(nodes), -1, 0)
+    phi = reference.pose(nodes)[..., 2]
     rate = np.stack([v * np.cos(phi), v * np.sin(phi), w], axis=-1)
-    moved = np.cumsum(half * np.einsum("tnc,n->tc", rate, _WEIGHTS), axis=0)
+    steps = half * np.einsum("tnc,n->tc", rate, _WEIGHTS)
+    moved = np.cumsum(steps, axis=0)
+
     pose = reference.pose(time)
-    tightest = max(1.0, float(np.abs(w[v > 0] / v[v > 0]).max(initial=0.0)))  # [1/m]
-    return float((np.abs(pose[1:] - pose[0] - moved) / [1.0, 1.0, tightest]).max())
+    error = np.abs(pose[1:] - pose[0] - moved)
+    ahead = v > 0
+    curvature = np.abs(w[ahead] / v[ahead])  # [1/m]
+    tightest = max(1.0, float(curvature.max(initial=0.0)))
+    return float((error / [1.0, 1.0, tightest]).max())

@@ -9,7 +9,8 @@ from rerun.chunk import RrdReader
 
 def component(file: Path, entity: str, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Times (T,) [s] and values (T, n) of an entity's component, with n values in every row."""
-    times, values = [], []
+    times = []
+    values = []
     for chunk in RrdReader(file).stream().filter(content=entity):
         batch = chunk.to_record_batch()
         column = [c for c in batch.schema.names if c.endswith(f":{name}")]

@@ -27,19 +27,19 @@ def add_robot(spec, com_x=0.0, name="robot"):
     """A free body of 25 kg, its centre of mass 0.12 m above the ground."""
     body = spec.worldbody.add_body(name=name)
     body.add_freejoint()
-    body.mass, body.ipos, body.inertia, body.explicitinertial = (
-        25.0,
-        [com_x, 0, 0.12],
-        [0.45, 0.6, 0.89],
-        True,
-    )
+    body.mass = 25.0
+    body.ipos = [com_x, 0, 0.12]
+    body.inertia = [0.45, 0.6, 0.89]
+    body.explicitinertial = True
     return body
 
 
 def add_flipper(spec, body, name, x, y, mass=1.5):
     """A flipper on a hinge at (x, y), 0.08 m above the ground, that points forwards."""
     flipper = body.add_body(name=name, pos=[x, y, 0.08])
-    flipper.mass, flipper.ipos, flipper.explicitinertial = mass, [0.12, 0, 0], True
+    flipper.mass = mass
+    flipper.ipos = [0.12, 0, 0]
+    flipper.explicitinertial = True
     flipper.inertia = [0.003, 0.009, 0.009]
     flipper.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=0.01)
     motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)

@@ -26,13 +26,13 @@ def log():
 
 def read(path):
     """Messages by topic as rosbags reads them: (stamp [ns], message)."""
-    store, found = get_typestore(Stores.ROS2_JAZZY), {}
+    store = get_typestore(Stores.ROS2_JAZZY)
+    found = {}
     with Reader(path) as reader:
         for connection, arrival, data in reader.messages():
             message = store.deserialize_cdr(data, connection.msgtype)
-            header = (
-                message.transforms[0].header if hasattr(message, "transforms") else message.header
-            )
+            is_transform = hasattr(message, "transforms")
+            header = message.transforms[0].header if is_transform else message.header
             stamp = header.stamp.sec * 10**9 + header.stamp.nanosec
             assert arrival == stamp
             found.setdefault(connection.topic, []).append((stamp, message))
@@ -40,6 +40,8 @@ def read(path):
 
 
 def numbers(rows, *paths):
+    """Values (rows, paths) of fields of messages, whose paths have dots."""
+
     def field(message, path):
         for name in path.split("."):
             message = getattr(message, name)
@@ -54,49 +56,45 @@ def assert_stamps(rows, time):
 
 
 def assert_poses(rows, prefix, pose):
-    np.testing.assert_array_equal(
-        numbers(rows, f"{prefix}.position.x", f"{prefix}.position.y"), pose[:, :2]
-    )
-    turned = numbers(rows, *(f"{prefix}.orientation.{name}" for name in "xyzw"))
+    place = numbers(rows, f"{prefix}.position.x", f"{prefix}.position.y")
+    np.testing.assert_array_equal(place, pose[:, :2])
+    quaternion = numbers(rows, *(f"{prefix}.orientation.{name}" for name in "xyzw"))
     heading = Rotation.from_euler("z", pose[:, 2:])
-    assert (Rotation.from_quat(turned) * heading.inv()).magnitude().max() < 1e-15
+    missed = Rotation.from_quat(quaternion) * heading.inv()
+    assert missed.magnitude().max() < 1e-15
 
 
 def test_every_topic_is_read_back_bit_for_bit(log, tmp_path):
     write_bag(log, tmp_path / "bag", GEOMETRY)
-    bag, valid, count = read(tmp_path / "bag"), log.valid, Counter()
+    bag = read(tmp_path / "bag")
+    valid = log.valid
+    count = Counter()
     with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
-        for _, channel, message, decoded in make_reader(
-            file, True, [DecoderFactory()]
-        ).iter_decoded_messages():
+        reader = make_reader(file, True, [DecoderFactory()])
+        for _, channel, message, decoded in reader.iter_decoded_messages():
             stamp, own = bag[channel.topic][count[channel.topic]]
             assert message.log_time == message.publish_time == stamp
             if channel.topic == "/joint_states":
                 assert decoded.velocity == own.velocity.tolist()
             count[channel.topic] += 1
     assert count == {topic: len(rows) for topic, rows in bag.items()}
-    for topic, time in (
-        *(
-            (topic, log.time)
-            for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth", "/scan")
-        ),
-        ("/pose", log.time[valid]),
-        ("/tf_static", log.time[:1]),
-    ):
-        assert_stamps(bag[topic], time)
+    for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth", "/scan"):
+        assert_stamps(bag[topic], log.time)
+    assert_stamps(bag["/pose"], log.time[valid])
+    assert_stamps(bag["/tf_static"], log.time[:1])
 
     joints = [message for _, message in bag["/joint_states"]]
     assert all(message.name == ["left_sprocket", "right_sprocket"] for message in joints)
     np.testing.assert_array_equal([message.velocity for message in joints], log.omega)
-    speed = np.diff([message.position for message in joints], axis=0) / np.diff(log.time)[:, None]
+    turned = np.diff([message.position for message in joints], axis=0)
+    speed = turned / np.diff(log.time)[:, None]
     np.testing.assert_allclose(speed, log.omega[1:], rtol=0, atol=1e-12)
 
     assert_poses(bag["/pose"], "pose.pose", log.pose[valid])
     covariance = numbers(bag["/pose"], "pose.covariance")[:, 0]
     planar = np.ix_([0, 1, 5], [0, 1, 5])
-    np.testing.assert_array_equal(
-        [matrix.reshape(6, 6)[planar] for matrix in covariance], log.covariance[valid]
-    )
+    in_plane = [matrix.reshape(6, 6)[planar] for matrix in covariance]
+    np.testing.assert_array_equal(in_plane, log.covariance[valid])
 
     assert_poses(bag["/ground_truth"], "pose.pose", log.truth.pose)
     moved = ("twist.twist.linear.x", "twist.twist.linear.y", "twist.twist.angular.z")
@@ -112,11 +110,13 @@ def test_every_topic_is_read_back_bit_for_bit(log, tmp_path):
 
 def test_transforms_lead_from_the_map_to_the_robot(log, tmp_path):
     write_bag(log, tmp_path / "bag", GEOMETRY)
-    bag, chain = read(tmp_path / "bag"), {}
+    bag = read(tmp_path / "bag")
+    chain = {}
     for stamp, message in (*bag["/tf"], *bag["/tf_static"]):
         (one,) = message.transforms
         matrix = np.eye(4)
-        turn, way = one.transform.rotation, one.transform.translation
+        turn = one.transform.rotation
+        way = one.transform.translation
         matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
         matrix[:3, 3] = way.x, way.y, way.z
         chain[one.header.frame_id, one.child_frame_id, stamp] = matrix
@@ -129,9 +129,7 @@ def test_transforms_lead_from_the_map_to_the_robot(log, tmp_path):
     np.testing.assert_array_equal(mount[:2, 3], MOUNT[:2])
     assert np.arctan2(mount[1, 0], mount[0, 0]) == pytest.approx(MOUNT[2], abs=1e-15)
     with Reader(tmp_path / "bag") as reader:
-        (static,) = (
-            connection for connection in reader.connections if connection.topic == "/tf_static"
-        )
+        (static,) = [each for each in reader.connections if each.topic == "/tf_static"]
     assert static.ext.offered_qos_profiles[0].durability is QosDurability.TRANSIENT_LOCAL
 
 
@@ -139,8 +137,8 @@ def test_refusals(log, tmp_path):
     (tmp_path / "there").mkdir()
     with pytest.raises(OutputError, match=r"there: exists already$"):
         write_bag(log, tmp_path / "there")
-    with pytest.raises(
-        InvalidValueError, match=r"times of the run = .*: must be stamps from 0 to 2147483647 s"
-    ):
-        write_bag(replace(log, time=log.time + 1e10), tmp_path / "bag")
+    too_late = replace(log, time=log.time + 1e10)
+    said = r"times of the run = .*: must be stamps from 0 to 2147483647 s"
+    with pytest.raises(InvalidValueError, match=said):
+        write_bag(too_late, tmp_path / "bag")
     assert not (tmp_path / "bag").exists()

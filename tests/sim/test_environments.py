@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from dataclasses import dataclass
 
 import gymnasium as gym
 import numpy as np
@@ -18,12 +19,14 @@ from sim import (
     RobotParameters,
     SensorNoise,
 )
+from sim.learning.environment import FEW_ROBOTS, TaskVectorEnv
 from sim.terrain import Course, Flat, Step
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr import IcrLoad
 
-TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
+TRACKING = "sim:trackslip/PathTracking-v0"
+TRAVERSE = "sim:trackslip/Traverse-v0"
 TWIST = {"action": "twist", "compensation": "icr_radius"}
 UNDER_LOAD = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
 DRAWN = {
@@ -85,21 +88,20 @@ def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_pat
         actions = single.action_space.sample()
         if name == TRAVERSE:
             actions[0] = -1.0, 1.0, 0.0, 0.0, 0.0, 0.0  # turns on the spot until its time is over
-        results = native.step(actions), single.step(actions)
-        assert_same(*results)
-        ended = results[0][2] | results[0][3]
+        results = native.step(actions)
+        assert_same(results, single.step(actions))
+        _, _, terminated, truncated, _ = results
+        ended = terminated | truncated
         ends += ended.sum()
         if mode is AutoresetMode.DISABLED and ended.any():
-            assert_same(
-                *(env.reset(options={"reset_mask": ended.copy()}) for env in (native, single))
-            )
+            native_again = native.reset(options={"reset_mask": ended.copy()})
+            assert_same(native_again, single.reset(options={"reset_mask": ended.copy()}))
     assert ends >= 1
 
 
 def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
-    native, single = (
-        gym.make_vec(TRACKING, num_envs=3, vectorization_mode=m, **DRAWN) for m in (None, "sync")
-    )
+    native = gym.make_vec(TRACKING, num_envs=3, **DRAWN)
+    single = gym.make_vec(TRACKING, num_envs=3, vectorization_mode="sync", **DRAWN)
     assert_same(native.reset(seed=[5, 1, 5]), single.reset(seed=[5, 1, 5]))
     observation, _ = native.reset(seed=[5, None, 5])
     np.testing.assert_array_equal(observation[0], observation[2])
@@ -111,7 +113,9 @@ def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
     fleet = native.unwrapped.task.fleet
     drawn = fleet.drive.radius.copy()
     native.reset(seed=7, options={"radius_error": [None, 0.2, None], "ground": [None, "ice", None]})
-    np.testing.assert_allclose(fleet.drive.radius, [drawn[0], [1.2 * 0.06] * 2, drawn[2]])
+    larger = 1.2 * 0.06
+    expected = [drawn[0], [larger, larger], drawn[2]]
+    np.testing.assert_allclose(fleet.drive.radius, expected)
     assert fleet.ground[1].along == 0.12
     with pytest.raises(InvalidValueError, match="radius_error = None"):
         native.reset(options={"radius_error": None})
@@ -152,15 +156,15 @@ def test_specifications_round_trip_and_refuse_unknown_options(name, options):
 def test_difficulty_and_randomization_change_between_episodes():
     crossing = gym.make_vec(TRAVERSE, num_envs=2, difficulty=(0.0, 0.0)).unwrapped
     crossing.set_difficulty(0.6, 0.6)
-    assert np.all(crossing.reset(seed=0)[1]["difficulty"] == 0.6)
+    _, info = crossing.reset(seed=0)
+    assert np.all(info["difficulty"] == 0.6)
     tracking = gym.make(TRACKING).unwrapped
     tracking.reset(seed=0)
     before = tracking.get_state()
     tracking.set_randomization({"radius_error": (0.2, 0.2)})
     tracking.reset(seed=0)
-    np.testing.assert_allclose(
-        tracking.task.fleet.drive.radius, 1.2 * RobotParameters().sprocket_radius
-    )
+    larger = 1.2 * RobotParameters().sprocket_radius
+    np.testing.assert_allclose(tracking.task.fleet.drive.radius, larger)
     with pytest.raises(InvalidValueError, match="shear"):
         tracking.set_randomization(Randomization(shear=(0.0, 0.01)))
     with pytest.raises(InvalidValueError, match="that of Crossing"):
@@ -190,7 +194,8 @@ def test_who_has_ended_must_be_reset_where_nobody_else_does():
     env.step(np.zeros((2, 2)))
 
 
-NAN, INF = float("nan"), float("inf")
+NAN = float("nan")
+INF = float("inf")
 
 
 @pytest.mark.parametrize("name", [TRACKING, TRAVERSE])
@@ -214,33 +219,55 @@ def test_actions_and_options_that_make_no_sense_are_refused(name):
 ROUGH = {"course": ("random", "rough")}
 
 
-@pytest.mark.parametrize(
-    ("name", "robots", "steps", "options"),
-    [
-        (TRACKING, 8, 30, DRAWN | LEARNING | {"off_path": 0.5}),
-        (TRAVERSE, 4, 10, ROUGH),
-        # a million actions
-        pytest.param(TRACKING, 64, 15_625, DRAWN | {"off_path": 0.5}, marks=pytest.mark.slow),
-        pytest.param(TRAVERSE, 64, 15_625, ROUGH, marks=pytest.mark.slow),
-    ],
-)
-def test_random_actions_never_leave_the_finite(name, robots, steps, options):
-    env = gym.make_vec(name, num_envs=robots, threads=2, **options)
+@dataclass(frozen=True)
+class Trial:
+    """Robots that take random actions."""
+
+    name: str
+    robots: int
+    steps: int
+    options: dict
+
+
+TRIALS = [
+    pytest.param(Trial(TRACKING, 8, 30, DRAWN | LEARNING | {"off_path": 0.5}), id="tracking"),
+    pytest.param(Trial(TRAVERSE, 4, 10, ROUGH), id="traverse"),
+    pytest.param(
+        Trial(TRACKING, 64, 15_625, DRAWN | {"off_path": 0.5}),
+        id="a million actions of tracking",
+        marks=pytest.mark.slow,
+    ),
+    pytest.param(
+        Trial(TRAVERSE, 64, 15_625, ROUGH),
+        id="a million actions of traverse",
+        marks=pytest.mark.slow,
+    ),
+]
+
+
+@pytest.mark.parametrize("trial", TRIALS)
+def test_random_actions_never_leave_the_finite(trial):
+    env = gym.make_vec(trial.name, num_envs=trial.robots, threads=2, **trial.options)
     env.reset(seed=11)
     env.action_space.seed(11)
-    for _ in range(steps):
+    for _ in range(trial.steps):
         observation, reward, _, _, info = env.step(env.action_space.sample())
         assert env.observation_space.contains(observation)
         assert np.isfinite(reward).all()
-        for key, values in info.items():
-            assert values.dtype == object or key.startswith("_") or np.isfinite(values).all(), key
+        numbers = {
+            key: values
+            for key, values in info.items()
+            if values.dtype != object and not key.startswith("_")
+        }
+        for key, values in numbers.items():
+            assert np.isfinite(values).all(), key
 
 
 def test_masses_are_drawn_and_weigh():
     crossing = gym.make_vec(TRAVERSE, num_envs=3, threads=1, course="flat", mass=(0.5, 2.0))
     crossing.reset(seed=0, options={"mass": [1.0, 1.5, None]})
     for _ in range(12):
-        info = crossing.step(np.zeros((3, 6), np.float32))[-1]
+        *_, info = crossing.step(np.zeros((3, 6), np.float32))
     light, heavy, drawn = info["load"].sum(axis=1)
     assert light == pytest.approx(31.0 * 9.81, rel=0.01)
     assert heavy == pytest.approx((31.0 + 0.5 * 23.8) * 9.81, rel=0.01)  # 23.8 kg are the chassis
@@ -248,16 +275,20 @@ def test_masses_are_drawn_and_weigh():
     tracking = gym.make_vec(
         TRACKING, num_envs=2, threads=1, action="twist", randomization=Randomization(mass=(0.5, 2))
     )
-    uphill = tracking.reset(seed=0)[1]["true_pose"][0, 2]
+    _, info = tracking.reset(seed=0)
+    uphill = info["true_pose"][0, 2]
     tracking.reset(seed=0, options={"mass": [1.0, 1.6], "ground": Ground(slope=0.1, uphill=uphill)})
+    ahead = np.tile(np.float32([0.5, 0.0]), (2, 1))
     for _ in range(30):
-        info = tracking.step(np.tile(np.float32([0.5, 0.0]), (2, 1)))[-1]
-    robot = tracking.unwrapped.task.fleet.robot
+        *_, info = tracking.step(ahead)
+    fleet = tracking.unwrapped.task.fleet
+    robot = fleet.robot
     chassis = robot.model.body("chassis").mass[0]
     masses = robot.mass + np.array([0.0, 0.6]) * chassis
     needed = masses * 9.81 * np.sin(0.1) * robot.geometry.sprocket_radius
-    friction = 2 * tracking.unwrapped.task.fleet.drive.drive.motor.friction
-    np.testing.assert_allclose(info["torque"].sum(axis=1) - friction, needed, rtol=0.05)
+    friction = 2 * fleet.drive.drive.motor.friction
+    torque = info["torque"].sum(axis=1)
+    np.testing.assert_allclose(torque - friction, needed, rtol=0.05)
 
 
 CODE = """
@@ -273,3 +304,57 @@ for name in ("PathTracking", "Traverse"):
 def test_the_import_registers_environments_without_a_simulator():
     ran = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
     assert ran.stdout == "(2, 19)\n(2, 63)\n"
+
+
+@pytest.mark.parametrize("name", [TRACKING, TRAVERSE])
+def test_attributes_and_calls_are_those_of_gymnasiums_vectors(name):
+    """Spaces and seeds as in SyncVectorEnv; a method is called once for all robots."""
+    batch = gym.make_vec(name, num_envs=2)
+    single = gym.make_vec(name, num_envs=2, vectorization_mode="sync")
+    for env in (batch, single):
+        env.reset(seed=3)
+    assert batch.get_attr("observation_space") == single.get_attr("observation_space")
+    assert batch.get_attr("action_space") == single.get_attr("action_space")
+    assert batch.call("np_random_seed") == single.call("np_random_seed") == (3, 4)
+    assert batch.get_attr("task") == (batch.task, batch.task)
+    batch.set_attr("note", "kept")
+    single.set_attr("note", "kept")
+    assert batch.get_attr("note") == single.get_attr("note") == ("kept", "kept")
+    batch.set_attr("note", ["again", "again"])
+    assert batch.note == "again"
+    with pytest.raises(InvalidValueError, match="values = '3 values'"):
+        batch.set_attr("note", [1, 2, 3])
+    with pytest.raises(InvalidValueError, match="robots of a batch share attributes"):
+        batch.set_attr("note", [1, 2])
+    with pytest.raises(InvalidValueError, match="name = 'reset'"):
+        batch.call("reset", seed=1)
+    with pytest.raises(AttributeError):
+        batch.get_attr("nothing")
+
+
+def test_a_call_changes_later_episodes_of_all_robots():
+    batch = gym.make_vec(TRAVERSE, num_envs=2)
+    batch.call("set_difficulty", 0.7, 0.7)
+    _, info = batch.reset(seed=0)
+    np.testing.assert_array_equal(info["difficulty"], 0.7)
+
+
+def test_images_of_a_call_are_those_of_each_robot():
+    batch = gym.make_vec(TRACKING, num_envs=2, render_mode="rgb_array")
+    batch.reset(seed=0)
+    pictures = batch.call("render")
+    assert [picture.shape for picture in pictures] == [(480, 640, 3)] * 2
+
+
+@pytest.mark.parametrize(("robots", "threads"), [(1, 1), (FEW_ROBOTS, 1), (FEW_ROBOTS + 1, 0)])
+def test_few_robots_have_one_thread(robots, threads, monkeypatch):
+    given = []
+    make = TaskVectorEnv._make
+
+    def noted(self, options, size, count, render_mode):
+        given.append(count)
+        make(self, options, size, count, render_mode)
+
+    monkeypatch.setattr(TaskVectorEnv, "_make", noted)
+    gym.make_vec(TRACKING, num_envs=robots)
+    assert given == [threads]

@@ -38,33 +38,37 @@ def test_files_hold_all_fields(tmp_path):
     expected = Obstacles((Post(1.0, 2.0),), (Wall(0.0, 0.0, 1.0, 0.0),))
     assert load_obstacles(str(path)) == expected
     path.write_text(COURSE)
-    assert load_course(str(path)) == Course(
-        (Stairs(-0.1, number=3), Rough(amplitude=0.05)), 2.0, 0.5, 7, 3.0
+    pieces = (Stairs(-0.1, number=3), Rough(amplitude=0.05))
+    course = Course(pieces, width=2.0, friction=0.5, seed=7, start_length=3.0)
+    assert load_course(str(path)) == course
+    assert load_course(str(path), seed=8) == dataclasses.replace(course, seed=8)
+
+    drive = Drive(lag=0.07, motor=Motor(friction=0.2))
+    parameters = RobotParameters(
+        half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0, drive=drive
     )
-    assert load_course(str(path), seed=8) == dataclasses.replace(load_course(str(path)), seed=8)
-    parameters, ground = (
-        RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0),
-        Ground(0.5, 0.6),
-    )
-    parameters = dataclasses.replace(parameters, drive=Drive(lag=0.07, motor=Motor(friction=0.2)))
+    ground = Ground(0.5, 0.6)
     path.write_text(robot_file_text(parameters, ground, "made by hand"))
     assert load_parameters(path) == (parameters, ground)
+
     box = (MODELS / "box_robot.toml").read_text().replace('"box_', f'"{MODELS}/box_')
     path.write_text(box + "[drive]\nlag = 0.2\n")
-    assert (
-        load_parameters(path)[0].drive
-        == load_tracked(path).drive
-        == dataclasses.replace(tireless(), lag=0.2)
-    )
+    lagging = dataclasses.replace(tireless(), lag=0.2)
+    parameters, _ = load_parameters(path)
+    assert parameters.drive == lagging
+    assert load_tracked(path).drive == lagging
 
 
 def test_the_page_lists_the_named_grounds():
-    rows = re.findall(
-        r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \|", PAGE.read_text(), re.MULTILINE
-    )
-    listed = {name: tuple(map(float, values)) for name, *values in rows}
-    firm = {name: ground for name, ground in NAMED_GROUNDS.items() if ground.soil is None}
-    assert listed == {name: (g.along, g.across, 1e3 * g.shear) for name, g in firm.items()}
+    row = r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \|"
+    listed = {}
+    for name, *values in re.findall(row, PAGE.read_text(), re.MULTILINE):
+        listed[name] = tuple(map(float, values))
+    named = {}
+    for name, ground in NAMED_GROUNDS.items():
+        if ground.soil is None:
+            named[name] = (ground.along, ground.across, 1e3 * ground.shear)
+    assert listed == named
 
 
 def test_the_page_lists_the_named_soils():
@@ -120,8 +124,10 @@ def load_robot(source):
     return load_parameters(Path(source))
 
 
-PIECE, BLOCKS = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n", '[[pieces]]\nkind = "blocks"\n'
-LATE, EARLY = "{time = 2, along = 1, across = 1}", "{time = 1, along = 1, across = 1}"
+PIECE = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n"
+BLOCKS = '[[pieces]]\nkind = "blocks"\n'
+LATE = "{time = 2, along = 1, across = 1}"
+EARLY = "{time = 1, along = 1, across = 1}"
 MISTAKES = [
     # what any file can have
     (load_ground, "along = ", "not TOML"),

@@ -4,7 +4,8 @@ import pytest
 
 from sim import CrossingReward, Randomization, SensorNoise, TrackingReward
 
-TRACKING, CROSSING = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
+TRACKING = "sim:trackslip/PathTracking-v0"
+CROSSING = "sim:trackslip/Traverse-v0"
 OPTIONS = {
     TRACKING: {
         "randomization": Randomization.typical(),
@@ -36,14 +37,14 @@ def test_minari_recovers_an_environment_with_its_options(name, tmp_path, monkeyp
     minari = pytest.importorskip("minari")
     pytest.importorskip("jax")  # with which it creates data sets
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    collector = minari.DataCollector(
-        gym.make(name, max_episode_steps=5, **OPTIONS[name]), data_format="arrow"
-    )
+    env = gym.make(name, max_episode_steps=5, **OPTIONS[name])
+    collector = minari.DataCollector(env, data_format="arrow")
     observation, _ = collector.reset(seed=3)
     for _ in range(5):
         collector.step(np.zeros(collector.action_space.shape, np.float32))
     again = collector.create_dataset("trackslip/test-v0").recover_environment()
-    np.testing.assert_array_equal(again.reset(seed=3)[0], observation)
+    again_observation, _ = again.reset(seed=3)
+    np.testing.assert_array_equal(again_observation, observation)
     assert again.unwrapped.task.config == collector.unwrapped.task.config
 
 
@@ -57,5 +58,6 @@ def test_rllib_steps_a_module_of_its_own(name):
         .environment(name, env_config=OPTIONS[name])
         .env_runners(num_envs_per_env_runner=2)
     )
-    (episode, *_) = SingleAgentEnvRunner(config=config).sample(num_timesteps=8, random_actions=True)
+    runner = SingleAgentEnvRunner(config=config)
+    (episode, *_) = runner.sample(num_timesteps=8, random_actions=True)
     assert len(episode) >= 4

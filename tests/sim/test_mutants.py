@@ -76,32 +76,38 @@ def tried(tmp_path):
     return tried
 
 
+def in_list(texts):
+    return "[" + ", ".join(texts) + "]"
+
+
+def in_table(texts):
+    """An inline table of texts by key."""
+    return "{" + ", ".join(f"{key} = {text}" for key, text in texts.items()) + "}"
+
+
 def written(value):
     """A value as TOML."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {written(each)}" for key, each in value.items()) + "}"
+        return in_table({key: written(each) for key, each in value.items()})
     if isinstance(value, list):
-        return "[" + ", ".join(map(written, value)) + "]"
+        return in_list(map(written, value))
     return json.dumps(value) if isinstance(value, str | bool) else repr(value)
 
 
 def variants(value):
     """The value with each of its parts replaced by hostile ones, as TOML."""
     if isinstance(value, dict):
+        texts = {key: written(part) for key, part in value.items()}
         for key, part in value.items():
             for other in variants(part):
-                rest = [f"{k} = {other if k == key else written(v)}" for k, v in value.items()]
-                yield "{" + ", ".join(rest) + "}"
+                yield in_table(texts | {key: other})
     elif isinstance(value, list):
+        texts = [written(part) for part in value]
         for k, part in enumerate(value[:2]):
             for other in variants(part):
-                yield (
-                    "["
-                    + ", ".join([*map(written, value[:k]), other, *map(written, value[k + 1 :])])
-                    + "]"
-                )
-        yield written([*value, *value[:1]])
-        yield written(value[1:])
+                yield in_list([*texts[:k], other, *texts[k + 1 :]])
+        yield in_list([*texts, *texts[:1]])
+        yield in_list(texts[1:])
     yield from ("inf", "nan", "-1e308", "1e308", "true", '"a"', "[]", "[[]]", "{}", "10000000000")
 
 
@@ -110,9 +116,11 @@ def test_every_value_of_a_settings_file_may_be_wrong(tried, name):
     load, text = FILES[name]
     table = tomllib.loads(text)
     assert tried(load, text.encode())
+    texts = {key: written(value) for key, value in table.items()}
     for key, value in table.items():
         for other in variants(value):
-            lines = [f"{k} = {other if k == key else written(v)}\n" for k, v in table.items()]
+            changed = texts | {key: other}
+            lines = [f"{name} = {each}\n" for name, each in changed.items()]
             tried(load, "".join(lines).encode())
 
 
@@ -141,10 +149,13 @@ for folder in sorted(Path(sys.argv[1]).iterdir()):
 @pytest.mark.parametrize("kind", ["mjcf", "urdf"])
 def test_mutants_of_models_are_built_or_refused_without_a_crash(tmp_path, kind):
     """In a process of its own, which a crash would end."""
-    name, text, robot = "mine.urdf", URDF, ROBOT
+    name = "mine.urdf"
+    text = URDF
+    robot = ROBOT
     if kind == "mjcf":
         name = "box_robot.xml"
-        text, robot = ((MODELS / file).read_text() for file in (name, "box_robot.toml"))
+        text = (MODELS / name).read_text()
+        robot = (MODELS / "box_robot.toml").read_text()
     for k, content in enumerate(mutants(text, COUNT, seed=2)):
         folder = tmp_path / f"{k:03}"
         folder.mkdir()
@@ -158,5 +169,6 @@ def test_mutants_of_models_are_built_or_refused_without_a_crash(tmp_path, kind):
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
         cwd=ROOT,
     )
-    assert (done.returncode, done.stderr) == (0, ""), done.stdout.splitlines()[-1:]
+    assert done.returncode == 0, done.stdout.splitlines()[-1:]
+    assert done.stderr == "", done.stdout.splitlines()[-1:]
     assert len(done.stdout.splitlines()) >= COUNT

@@ -20,9 +20,19 @@ from trackslip.errors import InvalidValueError
 
 TYPICAL = Randomization.typical()
 WHOLE = (
-    *(EnvConfig(), TrackingReward(), TYPICAL, LaserScanner(), Pull(), Ground()),
-    *(TraverseConfig(), CrossingReward(), SensorNoise(), Limits()),
-    *(RobotParameters(), Drive(), Drive().motor),
+    EnvConfig(),
+    TrackingReward(),
+    TYPICAL,
+    LaserScanner(),
+    Pull(),
+    Ground(),
+    TraverseConfig(),
+    CrossingReward(),
+    SensorNoise(),
+    Limits(),
+    RobotParameters(),
+    Drive(),
+    Drive().motor,
 )
 TERMS = ("own_rewards", "own_observations", "privileged")
 
@@ -34,19 +44,22 @@ def changed(value, number):
     return [number]
 
 
+def is_number(value):
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
 def holds_numbers(value):
     items = value if isinstance(value, tuple) and value else (value,)
-    return all(
-        item is None or (isinstance(item, Real) and not isinstance(item, bool)) for item in items
-    )
+    return all(item is None or is_number(item) for item in items)
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("options", WHOLE, ids=lambda options: type(options).__name__)
 def test_numbers_that_are_not_finite_are_refused(options, number):
-    fields = [(f.name, getattr(options, f.name)) for f in dataclasses.fields(options)]
-    for name, value in fields:
-        for variant in changed(value, number) if holds_numbers(value) else ():
+    fields = {f.name: getattr(options, f.name) for f in dataclasses.fields(options)}
+    numbers = {name: value for name, value in fields.items() if holds_numbers(value)}
+    for name, value in numbers.items():
+        for variant in changed(value, number):
             with pytest.raises(InvalidValueError, match="must be"):
                 dataclasses.replace(options, **{name: variant})
 

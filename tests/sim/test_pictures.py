@@ -8,7 +8,8 @@ import pytest
 
 from trackslip.errors import InvalidValueError, TrackslipError
 
-TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
+TRACKING = "sim:trackslip/PathTracking-v0"
+TRAVERSE = "sim:trackslip/Traverse-v0"
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,8 @@ def opengl():
 
 def pixels(picture, colour):
     red, green, blue = np.moveaxis(picture.astype(int), -1, 0)
-    path, trail = (blue > red + 60) & (blue > green), (red > blue + 90) & (red > green + 40)
+    path = (blue > red + 60) & (blue > green)
+    trail = (red > blue + 90) & (red > green + 40)
     return int({"blue": path, "orange": trail}[colour].sum())
 
 
@@ -38,8 +40,10 @@ def test_pictures_show_the_robot_its_path_and_its_trail():
     env.reset(seed=0)
     before = env.render()
     # only the robot has turned
-    assert (np.abs(turned.astype(int) - before).max(axis=2) > 50).sum() > 500
-    assert (before.shape, before.dtype) == ((480, 640, 3), np.uint8)
+    difference = np.abs(turned.astype(int) - before).max(axis=2)
+    assert (difference > 50).sum() > 500
+    assert before.shape == (480, 640, 3)
+    assert before.dtype == np.uint8
     assert pixels(before, "blue") > 200
     for _ in range(60):
         env.step(np.array([0.7, 0.7], np.float32))

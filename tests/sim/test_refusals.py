@@ -31,7 +31,8 @@ from sim.wander.pose_sensor import PoseSensor
 from trackslip.errors import InvalidValueError
 
 NAN = float("nan")
-PATCH, CHANGE = partial(Patch, (0, 1), (0, 1), 1.0, 1.0), partial(Change, 0.0, 1.0, 1.0)
+PATCH = partial(Patch, (0, 1), (0, 1), 1.0, 1.0)
+CHANGE = partial(Change, 0.0, 1.0, 1.0)
 TRAVERSE = partial(gym.make_vec, "sim:trackslip/Traverse-v0", num_envs=1)
 WORLD = partial(Traverse, load_tracked("box"))
 LEVEL = [Course((Flat(4.0),))]

@@ -10,7 +10,8 @@ from sim.common.array_file import read_nested, write_nested
 from sim.ground.ground import Change, Ground
 from trackslip.laws.icr import IcrLoad
 
-TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
+TRACKING = "sim:trackslip/PathTracking-v0"
+TRAVERSE = "sim:trackslip/Traverse-v0"
 UNDER_LOAD = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
 CHANGING = Ground(0.7, 0.8, slope=0.1, changes=(Change(0.5, 0.5, 0.6),))
 DRAWN = {
@@ -27,7 +28,8 @@ LEARNING = {
     "pose_source": "noisy",
     "compensation": "online_cold",
 }
-ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=2, threads=2, max_episode_steps=8)
+ALONE = gym.make
+BATCH = partial(gym.make_vec, num_envs=2, threads=2, max_episode_steps=8)
 WEAK = Drive(lag=0.127, torque_limit=3.0)
 STATES = [
     (BATCH, TRACKING, DRAWN | {"robot": RobotParameters(drive=WEAK)}, {"reference": "circle"}),
@@ -49,14 +51,19 @@ STATES = [
 
 
 def continued(env, steps):
-    task, forward = env.unwrapped.task, np.array([0.9, 0.8, 0.0, 0.0, 0.0, 0.0])
-    results = [(task.observation(), {name: values.copy() for name, values in task.info().items()})]
-    for shake in np.random.default_rng(5).uniform(
-        -0.1, 0.1, (steps, task.size, len(task.commanded))
-    ):
-        actions = (forward[: len(task.commanded)] + shake).astype(np.float32)
-        results.append(env.step(actions.reshape(env.action_space.shape)))
-        if isinstance(env.unwrapped, gym.Env) and (results[-1][2] or results[-1][3]):
+    """What an environment tells now and in the next steps, of which each robot shakes its own."""
+    task = env.unwrapped.task
+    count = len(task.commanded)
+    forward = np.array([0.9, 0.8, 0.0, 0.0, 0.0, 0.0])[:count]
+    info = {name: values.copy() for name, values in task.info().items()}
+    results = [(task.observation(), info)]
+    shakes = np.random.default_rng(5).uniform(-0.1, 0.1, (steps, task.size, count))
+    for shake in shakes:
+        actions = (forward + shake).astype(np.float32)
+        result = env.step(actions.reshape(env.action_space.shape))
+        results.append(result)
+        _, _, terminated, truncated, _ = result
+        if isinstance(env.unwrapped, gym.Env) and (terminated or truncated):
             results.append(env.reset())
     return results
 
@@ -66,7 +73,8 @@ def test_an_environment_continues_from_its_state_and_from_a_file(
     make, name, options, given, tmp_path
 ):
     """To the bit; the file has neither pickle nor names of code."""
-    env, other = (make(name, **options) for _ in range(2))
+    env = make(name, **options)
+    other = make(name, **options)
     env.reset(seed=1, options=given)
     continued(env, 4)
     state = env.unwrapped.get_state()

@@ -8,15 +8,15 @@ import trackslip
 
 
 def modules_after(statement):
-    code = (
-        f"import sys\nbefore = set(sys.modules)\n{statement}\nprint(*sorted(set(sys.modules) "
-        "- before))"
-    )
-    return set(
-        subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        ).stdout.split()
-    )
+    code = f"""
+import sys
+before = set(sys.modules)
+{statement}
+print(*sorted(set(sys.modules) - before))
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return set(done.stdout.split())
 
 
 @pytest.mark.parametrize(("package", "some"), [(trackslip, "identify"), (sim, "Fleet")])

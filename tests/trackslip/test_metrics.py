@@ -11,11 +11,11 @@ TIME = np.arange(0, 20.0 + 1e-9, 0.05)
 def test_a_constant_offset_is_measured_exactly():
     reference = circle(1.25, 0.15, 20.0)
     desired = reference.pose(TIME)
-    left = np.stack([-np.sin(desired[:, 2]), np.cos(desired[:, 2])], axis=1)
-    ahead = np.stack([np.cos(desired[:, 2]), np.sin(desired[:, 2])], axis=1)
-    pose = desired + np.column_stack(
-        [0.03 * left + 0.04 * ahead, np.full(len(TIME), 0.1 + 2 * np.pi)]
-    )
+    heading = desired[:, 2]
+    left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    place = desired[:, :2] + 0.03 * left + 0.04 * ahead
+    pose = np.column_stack([place, heading + 0.1 + 2 * np.pi])
     errors = tracking_errors(TIME, pose, reference)
     for value in (
         errors.rms_position,
@@ -38,10 +38,10 @@ def test_expense_of_constant_and_of_alternating_set_points():
 
     def spent(command):
         zero = np.zeros((rows, 2))
-        truth = Truth(np.zeros((rows, 3)), np.zeros((rows, 3)), zero, zero, saturated=saturated)
-        return expense(
-            RunLog("run", TIME, zero, np.zeros((rows, 3)), command=command, truth=truth), 5.0
-        )
+        still = np.zeros((rows, 3))
+        truth = Truth(still, still, zero, zero, saturated=saturated)
+        log = RunLog("run", TIME, zero, still, command=command, truth=truth)
+        return expense(log, 5.0)
 
     assert spent(command).effort == pytest.approx(12.5 * 20)
     assert spent(command).roughness == 0.0

@@ -23,14 +23,14 @@ from trackslip.trajectory.path import MotionLimits
 from trackslip.trajectory.segmented import circle
 from trackslip.trajectory.waypoints import waypoints
 
-NAN, ORIGIN = float("nan"), (0.0, 0.0, 0.0)
+NAN = float("nan")
+ORIGIN = (0.0, 0.0, 0.0)
 GEOMETRY = RobotGeometry(0.168, 0.06)
 ICR = ConstantIcr(0.045, 0.168, 0.0066)
-ODOMETRY, OFFSET = SlipOdometry(ICR, GEOMETRY), LawErrors(("offset",), np.eye(1))
-LEVEL, HIGH = (
-    line_contact(0.168, 0.17, 0.7, 0.778),
-    line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12)),
-)
+ODOMETRY = SlipOdometry(ICR, GEOMETRY)
+OFFSET = LawErrors(("offset",), np.eye(1))
+LEVEL = line_contact(0.168, 0.17, 0.7, 0.778)
+HIGH = line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12))
 LIMITS = partial(DriveLimits, 0.3, 0.5)
 PLAN = partial(plan_drive, GEOMETRY, poses=PoseQuality(10.0, 0.02, np.radians(1.0)))
 ZIGZAG = [(100 * (-1) ** k, 0.1 * k) for k in range(10)]
@@ -77,8 +77,8 @@ REFUSED = [
     (lambda: MotionLimits(track_speed=1e-4), "track_speed = 0.0001: must be at least 0.001 m/s"),
     (lambda: waypoints([(0, 0), (1, 1)]), "number of waypoints = 2: must be from 3 to 10000"),
     (
-        lambda: waypoints([(0, 0), (1, 0), (1, 0)]),
-        "point 3 = (1.0, 0.0): must be at least 0.001 m from point 2",
+        lambda: waypoints([(0, 0), (1, 0), (1, 0.0005), (2, 0)], tolerance=0.0),
+        "point 3 = (1.0, 0.0005): must be at least 0.001 m from point 2, or equal to it",
     ),
     (lambda: waypoints([(0, 0), (1, 0), (0.5, 0)]), "path = 'turns back sharply at "),
     (

@@ -12,8 +12,11 @@ motions = arrays(float, (4, 3), elements=st.floats(-3, 3))
 
 
 def matrix(pose):
+    """The homogeneous matrix (3, 3) of a pose (3,)."""
     x, y, phi = pose
-    return np.array([[np.cos(phi), -np.sin(phi), x], [np.sin(phi), np.cos(phi), y], [0, 0, 1]])
+    cos = np.cos(phi)
+    sin = np.sin(phi)
+    return np.array([[cos, -sin, x], [sin, cos, y], [0, 0, 1]])
 
 
 def assert_same(pose, matrices):
@@ -33,7 +36,8 @@ def test_the_inverse_is_that_of_the_matrix(pose):
 
 @given(poses, poses)
 def test_between_undoes_composition(frame, pose):
-    np.testing.assert_allclose(se2.between(frame, se2.compose(frame, pose)), pose, atol=1e-12)
+    composed = se2.compose(frame, pose)
+    np.testing.assert_allclose(se2.between(frame, composed), pose, atol=1e-12)
 
 
 @given(poses, poses)
@@ -54,11 +58,12 @@ def test_a_rotated_direction_is_that_of_the_sum_of_angles(frame, pose):
 
 @given(motions)
 def test_an_arc_is_the_exponential_of_its_motion(motion):
-    generators = [
-        [[0, -turn, forward], [turn, 0, left], [0, 0, 0]] for forward, left, turn in motion
-    ]
     arcs = se2.exp(motion)
-    assert_same(arcs, [expm(np.array(generator)) for generator in generators])
+    expected = []
+    for forward, left, turn in motion:
+        generator = np.array([[0, -turn, forward], [turn, 0, left], [0, 0, 0]])
+        expected.append(expm(generator))
+    assert_same(arcs, expected)
     np.testing.assert_allclose(se2.log(arcs), motion, atol=1e-12)
 
 
@@ -83,11 +88,9 @@ def test_a_drive_ends_on_its_arc_and_has_its_derivatives(pose, motion):
 def test_a_twist_without_lateral_speed_drives_the_same_arc(pose, motion, duration):
     twist = motion[:, [0, 2]]
     motion[:, 1] = 0.0
-    np.testing.assert_allclose(
-        se2.advance(pose, twist, duration),
-        se2.compose(pose, se2.exp(duration * motion)),
-        atol=1e-11,
-    )
+    advanced = se2.advance(pose, twist, duration)
+    along_motion = se2.compose(pose, se2.exp(duration * motion))
+    np.testing.assert_allclose(advanced, along_motion, atol=1e-11)
 
 
 @given(poses)
@@ -106,11 +109,10 @@ def test_quotients_of_arcs_are_integrals(turn):
     sine = np.sin(s * turn)
     integrands = [cosine, sine, -s * sine, s * cosine]
     expected = [weight @ integrand for integrand in integrands]
-    np.testing.assert_allclose(se2.arc_quotients(turn), expected, atol=1e-14)
-    np.testing.assert_array_equal(
-        se2.arc_quotients(np.full((2, 3), turn)),
-        np.multiply.outer(se2.arc_quotients(turn), np.ones((2, 3))),
-    )
+    quotients = se2.arc_quotients(turn)
+    np.testing.assert_allclose(quotients, expected, atol=1e-14)
+    of_many = se2.arc_quotients(np.full((2, 3), turn))
+    np.testing.assert_array_equal(of_many, np.multiply.outer(quotients, np.ones((2, 3))))
 
 
 @given(st.floats(-100, 100))

@@ -70,9 +70,8 @@ def test_a_users_program_type_checks_against_the_wheel(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM)
     (tmp_path / "wrong.py").write_text(WRONG)
     options = ("--strict", "--python-executable", python, "--cache-dir", tmp_path / "cache")
-    said = run(
-        sys.executable, "-m", "mypy", *options, "program.py", "wrong.py", cwd=tmp_path
-    ).stdout
+    command = (sys.executable, "-m", "mypy", *options, "program.py", "wrong.py")
+    said = run(*command, cwd=tmp_path).stdout
     assert "in 1 file (checked 2 source files)" in said, said
     assert "program.py" not in said, said
     assert all(f"wrong.py:{line}: error" in said for line in (4, 5, 6, 7)), said

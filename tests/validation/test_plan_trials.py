@@ -13,7 +13,6 @@ from law_motion import LawMotion, SlipVariation, driven_by_law
 from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes, report
 
 from experiments.common.check import Check
-from experiments.common.laws import symbol, unit_of
 from experiments.common.table import Table, significant
 from sim import Drive
 from sim.common.seeds import generator
@@ -31,6 +30,7 @@ from trackslip.planning.plan import (
     plan_drive,
 )
 from trackslip.planning.route import RATE
+from trackslip.views.symbols import symbol, unit_of
 
 pytestmark = pytest.mark.slow
 GEOMETRY = RobotGeometry(0.168, 0.06)

@@ -14,7 +14,6 @@ from scipy.stats import chi2
 from trials import LAW, outcomes, plausible_shares, report, share_text
 
 from experiments.common.check import Check
-from experiments.common.laws import symbol
 from experiments.common.table import Table
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.grid_runs import drive_grid
@@ -26,6 +25,7 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.icr import DiffDrive
 from trackslip.logs.runlog import RunLog
+from trackslip.views.symbols import symbol
 
 pytestmark = pytest.mark.slow
 REPEATS = 100

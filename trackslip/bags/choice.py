@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError, require
 from trackslip.localization.scan import Plate
 
@@ -12,6 +13,7 @@ SIDES: Final = ("left", "right")
 _TF: Final = "tf:FRAME:FRAME, as in tf:map:base_link"
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class BagChoice:
     """Topics and joints to read from a bag; None to choose automatically, if the bag is

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.bags.encoders import joined, read_encoders
 from trackslip.bags.open import Bag, bags_in, open_bags
@@ -35,6 +36,7 @@ _DELAYS: Final = (0.0, 0.05)  # delays of odometry behind the wheels that are co
 _PERHAPS_WHEELS: Final = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
+@checks_arguments
 def load(
     path: str | Path,
     bag: BagChoice | None = None,
@@ -103,7 +105,7 @@ def runs_of(
 def holds_bags(path: Path) -> bool:
     """True for a bag, and for a folder of bags that is not a results folder."""
     try:
-        return bool(bags_in(path)) and not (path / RUNS).is_file()
+        return not (path / RUNS).is_file() and bool(bags_in(path))
     except OSError:
         return False
 

@@ -29,6 +29,7 @@ from trackslip.bags.size import (
 from trackslip.bags.stamps import Readings
 from trackslip.errors import LogError, TrackslipError, first_line
 from trackslip.files import reason, regular_file
+from trackslip.inputs import note_listing
 from trackslip.memory import require_fits
 
 K = TypeVar("K", bound=Hashable)
@@ -293,9 +294,11 @@ def bags_in(path: Path) -> list[Path]:
     patterns = ("/".join("*" * depth) for depth in range(1, _FOLDER_LEVELS + 1))
     entries = (entry for pattern in patterns for entry in sorted(path.glob(pattern)))
     files = [entry for entry in entries if _is_bag_file(entry) and entry.is_file()]
-    return list(
-        dict.fromkeys(file.parent if (file.parent / METADATA).is_file() else file for file in files)
+    bags = dict.fromkeys(
+        file.parent if (file.parent / METADATA).is_file() else file for file in files
     )
+    note_listing(path, bags)
+    return list(bags)
 
 
 def _is_bag_file(path: Path) -> bool:

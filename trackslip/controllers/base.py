@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import inspect
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from typing import ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,11 +17,12 @@ from trackslip.trajectory.base import Reference
 T = TypeVar("T")
 
 
+@runtime_checkable
 class Controller(Protocol):
     """Converts poses into body twists to drive; slip is left to `SlipLaw` and `compensation`.
 
     A call may be for any number of robots, so a controller with state stores the state of each
-    robot separately.
+    robot separately. Random controllers have a parameter `seed` in `reset`, see `begin_run`.
     """
 
     def reset(self) -> None:
@@ -38,9 +40,25 @@ class SensesSprockets(Protocol):
         """Receive the sprocket speeds (N, 2) [rad/s] of the last period, before `twist`."""
 
 
+def begin_run(controller: Controller, seeds: Sequence[int]) -> None:
+    """Reset a controller before a new run of N robots.
+
+    A `reset` with a parameter `seed` gets the seeds (N,), a whole number per robot. A random
+    controller that draws each robot's numbers from the robot's own seed drives it equally in any
+    fleet.
+    """
+    if "seed" in inspect.signature(controller.reset).parameters:
+        controller.reset(seed=list(seeds))  # type: ignore[call-arg]
+    else:
+        controller.reset()
+
+
 @dataclass(frozen=True)
 class ControlLaw:
     """Base class of control laws without state. All parameters of type float must be positive."""
+
+    turns_on_the_spot: ClassVar[bool] = True
+    """Whether the law turns a robot whose reference turns with v = 0."""
 
     def __post_init__(self) -> None:
         for parameter in fields(self):

@@ -21,6 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.controllers.base import ControlLaw, Memory, OncePerReference, Scheduled
 from trackslip.errors import require_within
 from trackslip.kinematics import Array
@@ -173,6 +174,7 @@ class _SpeedState:
     static_speed: Array  # speed of the static law
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class DynamicFeedback(ControlLaw):
     """Law that turns the position into two double integrators, with the speed xi as a state.

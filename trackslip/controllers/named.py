@@ -35,3 +35,9 @@ CONTROLLERS: Final[dict[str, type[Controller]]] = {
     "mppi": PathIntegral,
 }
 """Controllers by their names on the command line."""
+TURNING_CONTROLLERS: Final = ", ".join(
+    name
+    for name, controller in CONTROLLERS.items()
+    if getattr(controller, "turns_on_the_spot", True)
+)
+"""Names of the controllers that turn on the spot where their reference does."""

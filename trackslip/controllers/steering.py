@@ -36,6 +36,8 @@ class PurePursuit(Scheduled):
     = 1 / sqrt(2). The robot waits rather than drive against the direction of the reference.
     """
 
+    turns_on_the_spot = False  # the yaw rate is the speed times a curvature
+
     look_ahead: float = 0.3
     """Distance of the goal along the path [m]."""
     _path: OncePerReference[PathAhead] = field(
@@ -56,6 +58,8 @@ class RegulatedPurePursuit(Scheduled):
     This is the controller from Nav2, with the same parameter names. Here the desired speed is the
     speed that keeps up with the reference, and is not reduced near obstacles.
     """
+
+    turns_on_the_spot = False  # the yaw rate is the speed times a curvature
 
     lookahead_time: float = 1.5
     """Distance of the goal along the path divided by the reference speed [s]."""
@@ -177,6 +181,8 @@ class Stanley(Scheduled, ErrorFeedback):
     is |v| tan(delta) / wheelbase. A steered axle cannot back up to a reference that drives
     forwards, so the robot waits for a reference behind it.
     """
+
+    turns_on_the_spot = False  # the yaw rate is the speed times a curvature
 
     wheelbase: float = 0.2
     """Distance of the virtual axle from the centre of the robot [m]."""

@@ -11,8 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from trackslip.arguments import checks_arguments
 from trackslip.deploy.differential_drive import (
     CONTROLLER,
     constant_icrs,
@@ -23,12 +24,10 @@ from trackslip.deploy.differential_drive import (
     nearest,
 )
 from trackslip.deploy.facts import alarms_of, comment, fact_lines, json_text
-from trackslip.errors import TrackslipError, require
+from trackslip.errors import TrackslipError, require_one_of
+from trackslip.identification.result import Identification
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import StoredLaws, read_stored, stored_laws
-
-if TYPE_CHECKING:
-    from trackslip.identification.result import Identification
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 _CODE_TARGETS: Final = ("c", "python")
@@ -118,6 +117,7 @@ class Deployed:
     """A sentence if an expressible law replaces the best law; empty if the best law is used."""
 
 
+@checks_arguments
 def deploy_law(
     source: str | Path | Identification,
     to: str = "ros2_control",
@@ -152,7 +152,7 @@ def deployed(
     accept: bool = False,
 ) -> Deployed:
     """Write a law for another program. The arguments are those of `deploy_law`."""
-    require(to in TARGETS, "to", to, f"one of {', '.join(TARGETS)}")
+    require_one_of("to", to, TARGETS)
 
     if isinstance(source, str | Path):
         stored = read_stored(Path(source))

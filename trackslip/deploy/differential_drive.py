@@ -91,7 +91,7 @@ def _comments(
     comments = fact_lines(stored, law)
     other_law = instead_of_best(stored, law)
     if other_law:
-        comments.append(other_law)
+        comments.append(f"Warning: {other_law}")
     middle = (icrs.left_offset - icrs.right_offset) / 2
     if abs(middle) >= _SAME_PLACE:
         side = "left" if middle > 0 else "right"
@@ -171,7 +171,7 @@ def instead_of_best(stored: StoredLaws, law: str) -> str:
     best = text(stored.content, "best")
     if best in ("", law):
         return ""
-    return f"The best law is {best}: this is {law}"
+    return f"exported {law}, not the best law ({best})"
 
 
 def nearest(stored: StoredLaws, target: str) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 
 from trackslip.drives.encoders import Encoders
 from trackslip.kinematics import Array
+from trackslip.viewable import ShortRepr
 
 BLOCK: Final = 10.0
 """Least duration of a block of driving; slip in different blocks is assumed to be independent
@@ -27,8 +28,8 @@ _PAUSE: Final = 5.0  # pause between drives on the common time axis [s]
 _STANDING: Final = np.zeros((1, 2))  # speeds in a pause [rad/s]
 
 
-@dataclass(frozen=True)
-class Drive:
+@dataclass(frozen=True, repr=False)
+class Drive(ShortRepr):
     """A drive: encoder intervals and measured poses."""
 
     name: str
@@ -143,8 +144,8 @@ def _cut_sums(gyro: Array, begin: float, end: float) -> Array:
     return np.column_stack([time, turned, measured])
 
 
-@dataclass(frozen=True)
-class Drives:
+@dataclass(frozen=True, repr=False)
+class Drives(ShortRepr):
     """Drives in succession on a common time axis: encoder intervals, with pauses between drives,
     and poses.
     """

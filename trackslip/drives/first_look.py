@@ -35,6 +35,7 @@ from trackslip.intervals import FEWEST_BLOCKS
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.repeats import Repeats
 from trackslip.se2 import Mounting
+from trackslip.viewable import ShortRepr
 
 # gains of robots with their nominal gear and radius, and tracks or wheels on any ground but ice
 _POSSIBLE_GAINS: Final = (0.1, 3.0)
@@ -64,8 +65,8 @@ class Alarm:
     line: str
 
 
-@dataclass(frozen=True)
-class Look:
+@dataclass(frozen=True, repr=False)
+class Look(ShortRepr):
     """Findings from drives before any law is fitted."""
 
     drives: tuple[Drive, ...]  # without wild poses, cut at lasting jumps

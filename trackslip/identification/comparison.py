@@ -11,6 +11,7 @@ import numpy as np
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
+from trackslip.viewable import ShortRepr
 
 # least number of different curvatures over which laws are compared: over two, all laws with two
 # parameters predict the same
@@ -38,8 +39,8 @@ _CHANCE_SHARE: Final = 0.25
 _NEARLY_0: Final = 1e-9  # mean error in whose place ratios of errors have no meaning
 
 
-@dataclass(frozen=True, kw_only=True)
-class FittedLaw:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FittedLaw(ShortRepr):
     """A law with parameter values identified from steady samples or whole drives."""
 
     name: str  # name of the law's family
@@ -107,8 +108,8 @@ class Choice:
     """
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison(Choice):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Comparison(ShortRepr, Choice):
     """Laws identified from the same data, with the choice of the best."""
 
     laws: Mapping[str, FittedLaw]  # fits by law name, the best first

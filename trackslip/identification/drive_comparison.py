@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from trackslip.drives.first_look import Alarm, Look
+from trackslip.errors import counted
 from trackslip.identification.answer import radii_differ
 from trackslip.identification.comparison import (
     NEAREST_CURVATURES,
@@ -47,7 +48,7 @@ _MULTIPLIERS: Final = {
 _LEAST_SHARE: Final = 0.02  # share of the motions below which a curvature doesn't count [-]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class DriveComparison(Comparison):
     """Laws identified from whole drives, compared by their predictions of held-out driving."""
 
@@ -354,9 +355,10 @@ def _alarms(law: DriveFit, near: _Predictions, far: _Predictions) -> list[Alarm]
         for name in law.at_limit
     ]
     if law.blocks < FEWEST_BLOCKS:
+        are = "is" if law.blocks == 1 else "are"
         line = (
-            f"{law.blocks} independent parts of driving are too few for an interval, which "
-            f"takes {FEWEST_BLOCKS}: drive for a minute or more"
+            f"{counted(law.blocks, 'independent part')} of driving {are} too few for an interval, "
+            f"which takes {FEWEST_BLOCKS}: drive for a minute or more"
         )
         alarms.append(Alarm("blocks", line))
     name = law.name

@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 
+from trackslip.arguments import checks_arguments
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.drives.conditioning import drives_of
 from trackslip.drives.first_look import first_look
@@ -47,6 +48,7 @@ class SupportsArrowStream(Protocol):
         """Export the data frame as a stream."""
 
 
+@checks_arguments
 def identify(
     source: str | Path | RunLog | Sequence[RunLog] | SupportsArrowStream,
     geometry: RobotGeometry | None = None,
@@ -74,8 +76,17 @@ def identify(
         geometry: the robot's geometry; needed if the log does not state it.
         method: "steady" uses stretches of constant sprocket speeds, "drive" whole drives. The
             default is "steady" if most of the driving is steady, otherwise "drive".
-        sensor: place and yaw, in the robot's frame, of the sensor that measured the poses, if
-            known.
+        sensor: place [m] and yaw [rad], in the robot's frame, of the sensor that measured the
+            poses, if known.
+        gear: turns of the encoder per turn of the sprocket, if the log has the encoder's speed [-].
+        settle: time skipped at the start of each steady stretch [s].
+        motion: how the twists of steady stretches are estimated: "paper", "arc" or "bundle"; by
+            default the most accurate that each run allows.
+        bag: what to read from a ROS bag.
+        multiplier: `wheel_separation_multiplier` with which odometry that replaces encoders was
+            computed, if known [-].
+        max_memory: most memory for the content of the log [bytes]; by default half of the
+            machine's.
         lag: whether to estimate the time by which the motion lags behind the belts; only from whole
             drives.
         columns: the columns of a table or data frame that are called otherwise than in the
@@ -85,7 +96,6 @@ def identify(
             counters in a bag.
         odometry: geometry with which odometry that replaces encoders was computed; by default the
             robot's.
-        gear, settle, motion, bag, multiplier, max_memory: see `ReadOptions`.
 
     Raises:
         LogError: if the log cannot be read, or its runs determine no law.
@@ -107,10 +117,10 @@ def identify(
     # runs, or samples of steady runs
     if isinstance(source, str | Path):
         read = read_source(Path(source), reading)
+    elif isinstance(source, RunLog):  # before data frames, as it exports one, too
+        read = source_of_runs([source], reading)
     elif isinstance(source, SupportsArrowStream):
         read = source_of_frame(source, reading)
-    elif isinstance(source, RunLog):
-        read = source_of_runs([source], reading)
     else:
         read = source_of_runs(list(source), reading)
     return identify_source(read, method, sensor, lag=lag)

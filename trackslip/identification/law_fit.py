@@ -35,7 +35,7 @@ _SAME_LOSS: Final = 0.01
 _VAGUE: Final = 0.5
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class DriveFit(FittedLaw):
     """A law fitted to whole drives."""
 

@@ -17,6 +17,7 @@ from trackslip.identification.windows import WindowFit
 from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
+from trackslip.viewable import ShortRepr
 
 FOLDS: Final = 5
 """Number of parts for held-out predictions; each part contains every fifth block of driving."""
@@ -86,8 +87,8 @@ def _statistics(errors: Array) -> Statistics | None:
     return Statistics.of(known) if len(known) else None
 
 
-@dataclass(frozen=True)
-class Pairs:
+@dataclass(frozen=True, repr=False)
+class Pairs(ShortRepr):
     """Pairs of measured poses with motion between them; a law predicts the second pose from the
     first.
     """

@@ -24,6 +24,7 @@ from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import laws_content
 from trackslip.logs.runlog import Refused, RunLog
+from trackslip.viewable import Viewable
 
 Method = Literal["steady", "drive"]
 """How laws are identified: from stretches of constant sprocket speeds, or from whole drives."""
@@ -43,7 +44,7 @@ def _odometry_of(log: RunLog) -> str:
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(Viewable):
     """Laws identified from logs, and the runs left out; `print` shows the main values."""
 
     geometry: RobotGeometry

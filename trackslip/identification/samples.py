@@ -33,6 +33,7 @@ from trackslip.motion.steady import (
     steady_parts,
 )
 from trackslip.motion.steady_twist import MotionMethod, paper
+from trackslip.viewable import ShortRepr
 
 MOTION_METHODS: Final[dict[str, MotionMethod]] = {"paper": paper, "arc": arc, "bundle": bundle}
 """Methods that estimate the twist of a steady run, from the paper's own to the most accurate."""
@@ -47,8 +48,8 @@ _LEAST_RATIO: Final = 0.1
 _KEPT: Final = np.array([[0.2, 0.0], [1.8, 1.8]])
 
 
-@dataclass(frozen=True)
-class SlipSamples:
+@dataclass(frozen=True, repr=False)
+class SlipSamples(ShortRepr):
     """Mean slip of steady runs, one row per run."""
 
     omega: Array  # (n, 2) measured sprocket speeds [rad/s]
@@ -242,8 +243,8 @@ def contradiction_of(omega: Array, twist: Array, geometry: RobotGeometry) -> str
     )
 
 
-@dataclass(frozen=True)
-class Sampling:
+@dataclass(frozen=True, repr=False)
+class Sampling(ShortRepr):
     """The samples from a set of runs, and the reasons why some runs or stretches yielded none."""
 
     samples: SlipSamples  # one sample per usable stretch

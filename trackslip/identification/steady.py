@@ -52,6 +52,7 @@ from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import DIFF_DRIVE, FAMILIES, LawFamily, Parameter, family
 from trackslip.laws.icr import DiffDrive
 from trackslip.metrics import rms
+from trackslip.viewable import ShortRepr
 
 # least error of a run relative to the faster sprocket: for samples computed from a law, with
 # rounding
@@ -66,7 +67,7 @@ _VAGUE: Final = 5.0
 _STRAIGHT: Final = 0.05
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SteadyFit(FittedLaw):
     """A law fitted to steady samples, with Student's t intervals."""
 
@@ -191,8 +192,8 @@ def _with_sensor(model: LawFamily) -> LawFamily:
     return replace(model, parameters={**model.parameters, "sensor_y": aside}, build=build)
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(ShortRepr):
     """A law family fitted to steady runs, along two axes on which a run's errors in track speed are
     independent.
     """
@@ -409,7 +410,7 @@ class CrossValidation:
         return cls(rms(samples.relative_errors(twist, geometry)), v, w)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SteadyComparison(Comparison):
     """Laws identified from steady samples and compared at left-out radii."""
 

@@ -36,6 +36,7 @@ from trackslip.intervals import (
     student,
 )
 from trackslip.kinematics import Array, wrap_angle
+from trackslip.viewable import ShortRepr
 
 LOSS: Final = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and
@@ -327,8 +328,8 @@ def _with_gyro(
     )
 
 
-@dataclass(frozen=True)
-class RunValues:
+@dataclass(frozen=True, repr=False)
+class RunValues(ShortRepr):
     """Parameters of each run, from fits to that run alone."""
 
     names: tuple[str, ...]  # (n,) names of the runs
@@ -339,8 +340,8 @@ class RunValues:
     sensors: Mapping[str, Array]
 
 
-@dataclass(frozen=True)
-class WindowFit:
+@dataclass(frozen=True, repr=False)
+class WindowFit(ShortRepr):
     """The parameters of a drive model fitted to drives, with their uncertainty."""
 
     model: DriveModel

@@ -7,11 +7,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import (
     Array,
@@ -21,7 +22,10 @@ from trackslip.kinematics import (
     sprocket_speeds,
     twist_of_tracks,
 )
+from trackslip.viewable import Viewable
 
+TURNING_LAWS: Final = "none, online, or a law that isn't exponential, such as icr_radius"
+"""Compensations whose laws hold in turns on the spot."""
 # distance outside a jump that counts as rounding [half the jump's height]
 _JUMP_ROUNDING: Final = 1e-9
 # relative error of the sprocket speeds at which the iteration ends
@@ -30,7 +34,8 @@ _CONVERGED: Final = 1e-12
 _SLOPES: Final = (0.2, 5.0)
 
 
-class SlipLaw(ABC):
+@checks_arguments
+class SlipLaw(Viewable, ABC):
     """Base class of slip laws, which map curvatures (...) [1/m] to slips (..., 2) of the left and
     right track [-].
     """
@@ -41,6 +46,12 @@ class SlipLaw(ABC):
     """Maximum number of iterations in `twist`. Where a law jumps, some sprocket speeds need all of
     them.
     """
+    turns_on_the_spot: ClassVar[bool] = True
+    """Whether the law holds in turns on the spot, where the radius is 0."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        checks_arguments(cls)  # of methods that the subclass defines anew
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:

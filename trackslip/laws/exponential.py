@@ -16,7 +16,14 @@ from trackslip.laws.base import SlipLaw, by_side, require_between
 class Exponential(SlipLaw):
     """The paper's law, i(R) = alpha exp(beta R), with alpha and beta for the outer and the inner
     track (Eqs. 10-13).
+
+    The law doesn't hold in turns on the spot. The slip of the inner track is negative in wide
+    turns, has a pole where this track's sprocket stops, and is positive in tighter turns, where
+    the track is driven in reverse. The exponential function stays negative, and the robot turns
+    too little.
     """
+
+    turns_on_the_spot = False
 
     alpha_outer: float
     """Slip of the outer track at zero radius [-]."""

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require
+from trackslip.errors import InvalidValueError, require, require_one_of
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import Exponential, ExponentialSpeed
@@ -329,7 +329,7 @@ def drive_laws() -> tuple[str, ...]:
 
 def family(name: str) -> LawFamily:
     """The family called `name`. Raises InvalidValueError for an unknown name."""
-    require(name in FAMILIES, "law", name, f"one of {', '.join(FAMILIES)}")
+    require_one_of("law", name, FAMILIES)
     return FAMILIES[name]
 
 

@@ -11,7 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, LogError, OutputError, require
+from trackslip.arguments import checks_arguments
+from trackslip.errors import InvalidValueError, LogError, OutputError, require_one_of
 from trackslip.files import FORMAT, known_manifest, read_json, reason, require_known_format
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
@@ -42,8 +43,7 @@ class StoredLaws:
         its laws is best.
         """
         if name is not None:
-            allowed = f"one of {', '.join(self.laws)} (in {self.name})"
-            require(name in self.laws, "law", name, allowed)
+            require_one_of("law", name, self.laws, f" (in {self.name})")
             return name
         best = self.content.get("best")
         if isinstance(best, str) and best in self.laws:
@@ -85,6 +85,7 @@ class StoredLaws:
         return None if low is None or high is None else (low, high)
 
 
+@checks_arguments
 def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
     """Read the laws in a JSON file, or in the summary.json of a results folder, by family name.
 
@@ -96,6 +97,7 @@ def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) ->
     return {name: law for name, law in laws.items() if name != NO_SLIP}
 
 
+@checks_arguments
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
     """Write laws by family name to a JSON file for `load_laws` and the command-line option
     `--laws`.
@@ -178,7 +180,9 @@ def stored_laws(
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise LogError(f"{name}: no slip laws in it ({reason(error)})") from error
     if not laws and content.get("best") != NO_SLIP:
-        raise LogError(f"{name}: no slip laws in it")
+        unknown = ", ".join(stored)
+        only = f" of a known family, only {unknown}: import the module that adds it to FAMILIES"
+        raise LogError(f"{name}: no slip laws{only if unknown else ' in it'}")
     if robot is not None and not np.allclose(astuple(geometry), astuple(robot)):
         raise LogError(
             f"{name}: its laws are for half_gauge = {geometry.half_gauge:g} m and "

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.arguments import checks_arguments
 from trackslip.kinematics import Array
 from trackslip.localization.likelihood import (
     EDGE_ON,
@@ -98,6 +99,7 @@ class PlateSolution(Rows):
         self.put(rows[better], other.take(better))
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class PlateLocator:
     """Locator that fits the rectangle to each scan; poses are valid if they explain the returns and

@@ -10,10 +10,11 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import Scan
+from trackslip.viewable import ShortRepr
 
 
-@dataclass(frozen=True)
-class PoseEstimate(Rows):
+@dataclass(frozen=True, repr=False)
+class PoseEstimate(ShortRepr, Rows):
     """Poses of the robot in the world frame, with covariances and validity."""
 
     pose: Array  # (S, 3) [m, m, rad]

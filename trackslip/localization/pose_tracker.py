@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from scipy.interpolate import interp1d
@@ -27,7 +27,9 @@ GATE_POSITION: Final = 0.10
 GATE_HEADING: Final = np.radians(20.0)
 """The same for the heading [rad]."""
 GROWTH: Final = 0.3
-"""Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
+"""Error of dead reckoning without slip, relative to the distance and turn since the last valid pose
+[-].
+"""
 BLIND_TURN: Final = np.radians(60.0)
 """Expected heading error above which the robot is lost [rad]. The sum with GATE_HEADING must be
 below pi / 2.
@@ -44,7 +46,7 @@ class Tracker(Restorable):
     than a millimetre over one scan.
     """
 
-    STATE = ("_pose", "_unseen", "_last_covariance")
+    STATE: ClassVar[tuple[str, ...]] = ("_pose", "_unseen", "_last_covariance")
 
     def __init__(self, start: Array, geometry: RobotGeometry) -> None:
         """Start from the known poses `start` (N, 3) of the robots in the world frame."""
@@ -55,6 +57,8 @@ class Tracker(Restorable):
         self._unseen = np.zeros((robots, 2))
         # (N, 3, 3) covariances of the last valid poses
         self._last_covariance: Array = np.zeros((robots, 3, 3))
+        # (N,) errors of dead reckoning relative to the distance and turn [-]
+        self._growth: Array = np.full(robots, GROWTH)
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
         """Restart the tracks of some `robots` (R,) at known poses `start` (R, 3)."""
@@ -77,7 +81,7 @@ class Tracker(Restorable):
         error = self._nearest_half_turn(estimate.pose) - self._pose
         distance = np.hypot(error[:, 0], error[:, 1])
         turn = np.abs(error[:, 2])
-        growth = GROWTH * self._unseen
+        growth = self._growth[:, None] * self._unseen
         is_near = distance <= GATE_POSITION + growth[:, 0]
         is_aligned = turn <= GATE_HEADING + growth[:, 1]
         is_lost = growth[:, 1] > BLIND_TURN
@@ -108,14 +112,14 @@ class Tracker(Restorable):
         since.
 
         Slip is not white noise: its error grows in proportion to distance, and a heading error adds
-        a lateral error. So with the distance l and the turn t driven since, the share g = GROWTH,
-        and the variance V of the last heading, the heading's variance grows by (g t)^2, and those
-        of x and y by (g l)^2 + l^2 (V + (g t)^2).
+        a lateral error. So with the distance l and the turn t driven since, the share g of both
+        that is wrong, and the variance V of the last heading, the heading's variance grows by
+        (g t)^2, and those of x and y by (g l)^2 + l^2 (V + (g t)^2).
         """
         distance, turn = self._unseen.T
-        heading_error = GROWTH * turn
+        heading_error = self._growth * turn
         lateral_error = distance * np.sqrt(self._last_covariance[:, 2, 2] + heading_error**2)
-        position_variance = (GROWTH * distance) ** 2 + lateral_error**2
+        position_variance = (self._growth * distance) ** 2 + lateral_error**2
         covariance = self._last_covariance.copy()
         covariance[:, 0, 0] += position_variance
         covariance[:, 1, 1] += position_variance

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
+from trackslip.viewable import ShortRepr
 
 Points = NDArray[np.complex128]  # points or directions in the scan plane, as x + iy
 MAX_GAP: Final = 0.7
@@ -88,8 +89,8 @@ class Plate:
         return np.sqrt(outside_x * outside_x + outside_y * outside_y) + inside
 
 
-@dataclass(frozen=True)
-class Scan:
+@dataclass(frozen=True, repr=False)
+class Scan(ShortRepr):
     """One or more scans of a stationary LRF."""
 
     # (B,) bearings of the beams in the LRF's frame, equally spaced, ascending [rad]
@@ -130,8 +131,8 @@ class Scan:
         return turn @ covariance @ turn.T
 
 
-@dataclass(frozen=True)
-class Cluster:
+@dataclass(frozen=True, repr=False)
+class Cluster(ShortRepr):
     """The H returns in S scans that are attributed to the plate, ordered by scan."""
 
     bearing: Array  # (H,) bearings of the returns [rad]

@@ -4,8 +4,7 @@ ticks per turn, and the geometry with which odometry was computed.
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -13,7 +12,7 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 
-from trackslip.errors import InvalidValueError, LogError, require_within
+from trackslip.errors import InvalidValueError, LogError, did_you_mean, require_within
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.schema import READ
 
@@ -71,7 +70,7 @@ class Layout:
             require_within("ticks_per_turn", self.ticks_per_turn, *TICKS_PER_TURN)
         for name in self.sources:
             if name not in (*READ, *_QUATERNION):
-                allowed = f"one of {', '.join(_DOCUMENTED)}{_like(name, READ)}"
+                allowed = f"one of {', '.join(_DOCUMENTED)}{did_you_mean(name, READ)}"
                 raise InvalidValueError("columns", name, allowed)
 
     @cached_property
@@ -133,8 +132,8 @@ def _column_and_factor(
     column = column if colon else text
     if column not in present:
         raise LogError(
-            f"{source}: columns {name}={text}: has no column {column!r}{_like(column, present)}; "
-            f"found {', '.join(present)[:200]!r}"
+            f"{source}: columns {name}={text}: has no column {column!r}"
+            f"{did_you_mean(column, present)}; found {', '.join(present)[:200]!r}"
         )
     _require_once(column, present, source)
     if unit in BELT_UNITS.get(name, {}):
@@ -165,12 +164,6 @@ def _require_once(column: str, present: list[str], source: str) -> None:
     """Raise LogError if several columns have the name."""
     if present.count(column) > 1:
         raise LogError(f"{source}: column {column} is there {present.count(column)} times")
-
-
-def _like(name: str, known: Iterable[str]) -> str:
-    """The most similar of the known names, as the end of a message; empty if none is similar."""
-    similar = difflib.get_close_matches(name, list(known), 1)
-    return f" (did you mean {similar[0]}?)" if similar else ""
 
 
 AS_DOCUMENTED: Final = Layout()

@@ -14,10 +14,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Cluster, Plate, Scan
 from trackslip.logs.checks import LONGEST_STEP, gaps, unwrapped_headings
+from trackslip.viewable import ShortRepr, Viewable
 
 MALFORMED: Final = (
     TrackslipError,
@@ -45,8 +47,8 @@ MAX_YAW_RATE: Final = 100.0  # yaw rate above which a gyro reading is invalid [r
 MEASURED: Final = 0.99
 
 
-@dataclass(frozen=True)
-class Truth:
+@dataclass(frozen=True, repr=False)
+class Truth(ShortRepr):
     """Quantities that are known only in simulation."""
 
     pose: Array  # (T, 3) [m, m, rad]
@@ -64,8 +66,8 @@ class Truth:
     shear: Array | None = None
 
 
-@dataclass(frozen=True)
-class ScanLog:
+@dataclass(frozen=True, repr=False)
+class ScanLog(ShortRepr):
     """The returns from the plate in each scan."""
 
     scan: Scan  # the scanner, without ranges: (0, B)
@@ -86,8 +88,9 @@ class ScanLog:
         return replace(self, cluster=self.cluster.take(np.arange(first, end)), full=full)
 
 
+@checks_arguments
 @dataclass(frozen=True)
-class RunLog:
+class RunLog(Viewable):
     """The log of a run. Row k has the measurements at time k and the command sent at that time."""
 
     run: str

@@ -9,6 +9,7 @@ benchmark suite" (2012).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.drives.encoders import encoders_of
 from trackslip.drives.gyro import (
     mean_yaw_rates,
@@ -33,6 +35,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import STANDING
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.se2 import Mounting, rotate
+from trackslip.viewable import ShortRepr, Viewable
 
 LENGTHS: Final = (1.0, 2.0, 5.0, 10.0)
 """Lengths of the stretches for relative errors [m and s]."""
@@ -41,8 +44,8 @@ _TOLERANCE: Final = 0.1
 _ROUNDING: Final = 1e-6  # rounding of time stamps [s]
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, repr=False)
+class Trajectory(ShortRepr):
     """Measured and estimated poses of a sensor at the same times in a drive."""
 
     name: str  # name of the drive
@@ -175,6 +178,7 @@ def from_pose(pose: Array, measured: Array, row: int = 0) -> Array:
     return moved(pose, turn, pivot=pose[row, :2], target=measured[row, :2])
 
 
+@checks_arguments
 def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
     """Write poses (K, 3) [m, m, rad] at times (K,) [s] in the TUM format for tools such as evo.
 
@@ -208,7 +212,7 @@ def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
 
 
 @dataclass(frozen=True)
-class OdometryErrors:
+class OdometryErrors(Viewable):
     """Odometry errors of a law."""
 
     after_metres: Mapping[float, PredictionErrors]
@@ -220,7 +224,23 @@ class OdometryErrors:
     notes: tuple[str, ...] = ()
     """Parts of the drives that could not be evaluated, one line each."""
 
+    def __repr__(self) -> str:
+        drives = counted(len(self.trajectories), "drive")
+        by_length = self.after_metres or self.after_seconds
+        if not by_length:
+            return f"<OdometryErrors in {drives}>"
+        unit = "m" if self.after_metres else "s"
+        length, errors = max(by_length.items())
+        parts = []
+        if errors.position is not None:
+            parts.append(f"{errors.position.median:.3g} m")
+        if errors.heading is not None:
+            parts.append(f"{math.degrees(errors.heading.median):.3g}°")
+        medians = " and ".join(parts)
+        return f"<OdometryErrors in {drives}: median {medians} after {length:g} {unit}>"
 
+
+@checks_arguments
 def odometry_errors(
     logs: RunLog | Sequence[RunLog],
     odometry: SlipOdometry,

@@ -1,51 +1,22 @@
-"""Identified laws with all other inputs to odometry: noise, parameter errors, sensor and clock."""
+"""Identified laws, with all other inputs to odometry, from identifications and files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import LogError, TrackslipError, require_finite
 from trackslip.files import reason
 from trackslip.identification.path import GYRO
 from trackslip.identification.result import Identification, identification_to_json
 from trackslip.kinematics import RobotGeometry, wrap_angle
-from trackslip.laws.base import NoSlip, SlipLaw
+from trackslip.laws.base import NoSlip
 from trackslip.laws.file import NO_SLIP, StoredLaws, read_stored, stored_laws
-from trackslip.odometry.slip_odometry import SlipOdometry
+from trackslip.odometry.law_in_use import LawInUse as LawInUse
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 from trackslip.se2 import Mounting
-
-
-@dataclass(frozen=True)
-class LawInUse:
-    """A law for odometry, with noise, parameter errors, sensor and clock."""
-
-    name: str  # name of the law's family
-    law: SlipLaw
-    geometry: RobotGeometry  # geometry of the robot for which the law was identified
-    noise: SlipNoise | None = None  # varying slip; None if it was not identified
-    errors: LawErrors | None = None
-    """Errors of the law's parameters that match the 95 % intervals; None if unknown."""
-    drift: float = 0.0  # drift c, which causes a lateral speed of -c v w [s]
-    mounting: Mounting | None = None
-    """Mounting of the pose sensor during the identification; None if unknown."""
-    clock_offset: float | None = None
-    """Encoder clock minus pose clock during the identification, minus the lag of the motion [s];
-    None if unknown.
-    """
-    # errors of the gyroscope during the identification; None without a gyroscope
-    gyro: Gyro | None = None
-
-    def odometry(self, **start: Any) -> SlipOdometry:
-        """Odometry by this law; the keywords `start` and `start_covariance` are those of
-        SlipOdometry.
-        """
-        return SlipOdometry(
-            self.law, self.geometry, self.noise, self.errors, self.drift, gyro=self.gyro, **start
-        )
 
 
 def no_slip(geometry: RobotGeometry) -> LawInUse:
@@ -53,6 +24,7 @@ def no_slip(geometry: RobotGeometry) -> LawInUse:
     return LawInUse(NO_SLIP, NoSlip(), geometry)
 
 
+@checks_arguments
 def identified_law(
     source: str | Path | Identification, name: str | None = None, robot: RobotGeometry | None = None
 ) -> LawInUse:

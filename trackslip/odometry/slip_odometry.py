@@ -22,17 +22,20 @@ is the gyro's bias, and turns come from the law, by which it hardly turns.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError, require, require_finite
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
+from trackslip.restorable import Restorable
 from trackslip.se2 import arc_quotients
 
 # largest sprocket speed of a robot at rest [rad/s]
@@ -98,7 +101,8 @@ class _Turning(_LawTurning):
     rest_turn: Array  # (T + 1, ...) see _State
 
 
-class SlipOdometry:
+@checks_arguments
+class SlipOdometry(Restorable):
     """Dead reckoning for one or many robots by a slip law, with the covariance of the pose.
 
     The pose is that of the turning centre, which has no lateral speed except from `drift`, and may
@@ -107,6 +111,8 @@ class SlipOdometry:
     along the whole path. It contains neither errors of the geometry, which the parameters absorb,
     nor differences in slip between the actual ground and the law's ground.
     """
+
+    STATE = ("_start",)
 
     def __init__(
         self,
@@ -136,44 +142,75 @@ class SlipOdometry:
             InvalidValueError: for a value that is not finite, or of the wrong shape.
         """
         require_finite("drift", drift)
-        self.law = law
         self.geometry = geometry
         self.drift = drift
         self.noise = noise or SlipNoise()
-        self.errors = errors or LawErrors((), np.zeros((0, 0)))
         self.gyro = gyro
-        # (p, p) covariance of the parameters: those of the law, then the gyro's bias and scale
-        self._parameter_covariance = self.errors.covariance
-        if gyro is not None:
-            of_gyro = np.diag(np.square([gyro.bias_error, gyro.scale_error]))
-            self._parameter_covariance = scipy.linalg.block_diag(self.errors.covariance, of_gyro)
+        self.use(law, errors or LawErrors((), np.zeros((0, 0))))
         self.reset(start, start_covariance)
+
+    def use(self, law: SlipLaw, errors: LawErrors) -> None:
+        """Continue with another law, for example one that is learnt while driving, with errors of
+        the same parameters.
+        """
+        self.law = law
+        self.errors = errors
+        # (..., p, p) covariance of the parameters: those of the law, then the gyro's bias and scale
+        self._parameter_covariance = errors.covariance
+        if self.gyro is not None:
+            of_gyro = np.diag(np.square([self.gyro.bias_error, self.gyro.scale_error]))
+            self._parameter_covariance = scipy.linalg.block_diag(errors.covariance, of_gyro)
 
     def reset(self, pose: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None) -> None:
         """Restart from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default
         zero.
         """
-        self._start = _finite("pose", pose, (3,))
+        self._start = _finite("pose", pose, (3,)).copy()
+        self._state = self._begun(self._start, covariance)
+
+    def restart(self, robots: ArrayLike, pose: ArrayLike, covariance: ArrayLike) -> None:
+        """Restart the `robots` (R,) of N, given by their indices, from poses (R, 3) [m, m, rad]
+        with covariances (R, 3, 3).
+        """
+        rows = np.asarray(robots)
+        start = _finite("pose", pose, (3,))
+        begun = self._begun(start, covariance)
+        self._start[rows] = start
+        for name, values in vars(self._state).items():
+            values[rows] = getattr(begun, name)
+
+    def _begun(self, start: Array, covariance: ArrayLike | None) -> _State:
+        """The state at poses (..., 3) with covariance (..., 3, 3), by default zero."""
         of_start: Array = np.zeros((3, 3))
         if covariance is not None:
             of_start = _finite("covariance", covariance, (3, 3))
 
         # errors at the start are an arc's at the place 0, and turn the whole path, too
-        robots = self._start.shape[:-1]
+        robots = start.shape[:-1]
         moments = np.broadcast_to(of_start, (*robots, 3, 3)).copy()
 
         # before the first reading, the bias is as if it had been read for a while
-        parameters = len(self._parameter_covariance)
+        parameters = self._parameter_covariance.shape[-1]
         bias = 0.0 if self.gyro is None else self.gyro.bias
-        self._state = _State(
+        return _State(
             place=np.zeros(robots, complex),
-            heading=self._start[..., 2].copy(),
+            heading=start[..., 2].copy(),
             moments=moments,
             place_slopes=np.zeros((*robots, parameters), complex),
             heading_slopes=np.zeros((*robots, parameters)),
             rest_time=np.full(robots, _TIME_FOR_BIAS),
             rest_turn=np.full(robots, _TIME_FOR_BIAS * bias),
         )
+
+    def get_state(self) -> dict[str, Any]:
+        """Return a copy of the state, see Restorable."""
+        sums = {name: values.copy() for name, values in vars(self._state).items()}
+        return super().get_state() | sums
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Restore a state from `get_state`, see Restorable."""
+        super().set_state(state)
+        self._state = _State(**{name: np.array(state[name]) for name in vars(self._state)})
 
     @property
     def pose(self) -> Array:
@@ -301,7 +338,8 @@ class SlipOdometry:
         parameters.
         """
         slopes = self.errors.slopes(self.law, omega, self.geometry)
-        others = len(self._parameter_covariance) - slopes.shape[-1]  # the gyro's, without effect
+        # the gyro's, without effect
+        others = self._parameter_covariance.shape[-1] - slopes.shape[-1]
         slopes = np.concatenate([slopes, np.zeros((*slopes.shape[:-1], others))], axis=-1)
         return slopes[..., 0, :], slopes[..., 1, :]
 

@@ -8,6 +8,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     InvalidValueError,
     require,
@@ -82,6 +83,7 @@ class Gyro:
             require_non_negative(name, getattr(self, name))
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class LawErrors:
     """Errors of a law's parameters, which are constant along the whole path."""
@@ -89,21 +91,24 @@ class LawErrors:
     names: tuple[str, ...]
     """Names of the parameters, which are attributes of the law."""
     covariance: Array
-    """Covariance (p, p) of the parameters' errors, in the parameters' units."""
+    """Covariance (..., p, p) of the parameters' errors, in the parameters' units; one for all
+    robots, or one for each.
+    """
 
     def __post_init__(self) -> None:
         p = len(self.names)
         matrix = np.asarray(self.covariance, float)
-        fits = matrix.shape == (p, p)
+        fits = matrix.shape[-2:] == (p, p)
         allowed = f"of shape {(p, p)}, as there are {p} names"
         require(fits, "covariance", matrix.shape, allowed)
 
-        variances = np.diag(matrix)
+        variances = np.diagonal(matrix, axis1=-2, axis2=-1)
         are_variances = np.isfinite(matrix).all() and (variances >= 0).all()
         require(are_variances, "covariance", matrix.tolist(), "finite, with variances >= 0")
 
-        limit = np.sqrt(np.outer(variances, variances))  # of a covariance, at a correlation of 1
-        is_symmetric = (np.abs(matrix - matrix.T) <= _ASYMMETRY * limit).all()
+        # of a covariance, at a correlation of 1
+        limit = np.sqrt(variances[..., :, None] * variances[..., None, :])
+        is_symmetric = (np.abs(matrix - matrix.swapaxes(-1, -2)) <= _ASYMMETRY * limit).all()
         are_correlations = (np.abs(matrix) <= (1 + _ASYMMETRY) * limit).all()
         allowed = "symmetric, with correlations from -1 to 1"
         require(is_symmetric and are_correlations, "covariance", matrix.tolist(), allowed)
@@ -144,18 +149,18 @@ class LawErrors:
         """
         slopes = np.zeros((*omega.shape, len(self.names)))
 
-        def twist_with(name: str, value: float) -> Array:
+        def twist_with(name: str, value: Array) -> Array:
             changed = replace(law, **{name: value})  # type: ignore[type-var]
             return changed.twist(omega, geometry)
 
-        errors = np.sqrt(np.diag(self.covariance)).tolist()
-        for k, (name, error) in enumerate(zip(self.names, errors, strict=True)):
+        errors = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))  # (..., p)
+        for k, name in enumerate(self.names):
             value = getattr(law, name, None)
             if value is None:
                 raise InvalidValueError("names", name, f"parameters of {law}")
-            step = _DIFFERENCE * error
-            if step > 0:
+            step = _DIFFERENCE * errors[..., k]
+            if (step > 0).all():
                 above = twist_with(name, value + step)
                 below = twist_with(name, value - step)
-                slopes[..., k] = (above - below) / (2 * step)
+                slopes[..., k] = (above - below) / (2 * step[..., None])
         return slopes

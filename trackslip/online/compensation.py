@@ -10,13 +10,16 @@ from typing import ClassVar, Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.arguments import checks_arguments
+from trackslip.errors import InvalidValueError, TrackslipError, one_of
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
 from trackslip.localization.pose_estimate import PoseEstimate
+from trackslip.odometry.law_in_use import LawInUse
+from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.online.filter import FilterTuning, IcrFilter
 from trackslip.restorable import Restorable
 
@@ -49,6 +52,15 @@ class Compensation(Protocol):
     def law(self) -> SlipLaw:
         """The current slip law, with separate parameters for each robot where they differ."""
 
+    def velocity(self, omega: Array, geometry: RobotGeometry) -> Array:
+        """Velocities (N, 3) (forwards, leftwards, yaw) at sprocket speeds (N, 2) [rad/s]."""
+        twist = self.law().twist(omega, geometry)
+        return np.stack([twist[:, 0], np.zeros(len(twist)), twist[:, 1]], axis=1)
+
+    def odometry(self, geometry: RobotGeometry) -> SlipOdometry | None:
+        """Odometry by the current law, with what is known of its errors; None if nothing is."""
+        return None
+
 
 @runtime_checkable
 class SensesLoad(Protocol):
@@ -61,24 +73,34 @@ class SensesLoad(Protocol):
         """Angles (N,) from headings left to directions of motion [rad], at twists (N, 2)."""
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class FixedLaw(Compensation, Restorable):
     """Compensation by a fixed law for all robots, by default none: the law without slip."""
 
     known: SlipLaw = field(default_factory=NoSlip)
+    identified: LawInUse | None = None
+    """The same law with its errors, if these are known."""
 
     def law(self) -> SlipLaw:
         """The fixed law."""
         return self.known
 
+    def odometry(self, geometry: RobotGeometry) -> SlipOdometry | None:
+        """Odometry by the fixed law, if its errors are known."""
+        return _odometry(self.identified)
 
+
+@checks_arguments
 class LoadedLaw(Compensation, Restorable):
     """Compensation by a fixed law of slip under load, evaluated at the measured load."""
 
     STATE = ("_load",)
 
-    def __init__(self, known: IcrLoad) -> None:
+    def __init__(self, known: IcrLoad, identified: LawInUse | None = None) -> None:
+        """Use a law; `identified` is the same law with its errors, if these are known."""
         self._known = known
+        self._identified = identified
         # one pair without load for all robots, until a run begins
         self._load: Array = np.zeros(2)
 
@@ -98,6 +120,19 @@ class LoadedLaw(Compensation, Restorable):
         """The law at the load that was last sensed."""
         return self._known.under(self._load)
 
+    def velocity(self, omega: Array, geometry: RobotGeometry) -> Array:
+        """Velocities (N, 3), including those to the left under load, at sprocket speeds (N, 2)."""
+        velocity = super().velocity(omega, geometry)
+        velocity[:, 1] = self.law().sideslip(velocity[:, ::2])
+        return velocity
+
+    def odometry(self, geometry: RobotGeometry) -> SlipOdometry | None:
+        """Odometry by the law at the last load, if its errors are known."""
+        odometry = _odometry(self._identified)
+        if odometry is not None:
+            odometry.use(self.law(), odometry.errors)
+        return odometry
+
     def crab_angle(self, twist: Array, drift: Array | float = 0.0) -> Array:
         """Angles (N,) from headings left to directions of motion [rad], at twists (N, 2).
 
@@ -109,11 +144,24 @@ class LoadedLaw(Compensation, Restorable):
         return np.asarray(np.clip(angle, -MAX_CRAB_ANGLE, MAX_CRAB_ANGLE))
 
 
-def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
-    """Build the compensation by a known law, which for an IcrLoad law uses the measured load."""
-    return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
+def known_law(law: SlipLaw, identified: LawInUse | None = None) -> FixedLaw | LoadedLaw:
+    """Build the compensation by a known law, which for an IcrLoad law uses the measured load.
+
+    `identified` is the same law with its errors, if these are known.
+    """
+    if isinstance(law, IcrLoad):
+        return LoadedLaw(law, identified)
+    return FixedLaw(law, identified)
 
 
+def _odometry(identified: LawInUse | None) -> SlipOdometry | None:
+    """Odometry by an identified law; None if the errors of its parameters are unknown."""
+    if identified is None or identified.errors is None or not identified.errors.names:
+        return None
+    return identified.odometry()
+
+
+@checks_arguments
 class OnlineIcr(Compensation, Restorable):
     """Compensation by constant ICRs that an `IcrFilter` learns while driving."""
 
@@ -147,6 +195,14 @@ class OnlineIcr(Compensation, Restorable):
         """The law with the current estimates, whose parameters are (N,)."""
         return self._filter.law
 
+    def velocity(self, omega: Array, geometry: RobotGeometry) -> Array:
+        """Velocities (N, 3) at sprocket speeds (N, 2), with the learnt turning centres."""
+        return self._filter.velocity(omega)
+
+    def odometry(self, geometry: RobotGeometry) -> SlipOdometry | None:
+        """Odometry by the current law, with the errors of its estimates."""
+        return SlipOdometry(self.law(), geometry, errors=self._filter.law_errors)
+
     @property
     def _filter(self) -> IcrFilter:
         if self._started is None:
@@ -154,6 +210,7 @@ class OnlineIcr(Compensation, Restorable):
         return self._started
 
 
+@checks_arguments
 class LoadedOnlineIcr(OnlineIcr):
     """Compensation by ICRs and turning centres learnt while driving, plus known slip under load."""
 
@@ -197,6 +254,10 @@ class LoadedOnlineIcr(OnlineIcr):
         learnt = self._filter.law
         return replace(self._loaded.law(), offset=learnt.offset, radius_error=learnt.radius_error)
 
+    def velocity(self, omega: Array, geometry: RobotGeometry) -> Array:
+        """Velocities (N, 3) at sprocket speeds (N, 2), with what the last sensed load adds."""
+        return super().velocity(omega, geometry) + self.law().yielding(omega, geometry)
+
 
 def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPPED) -> Compensation:
     """Build a compensation from its name and the laws in a file, by default the package's file.
@@ -208,6 +269,8 @@ def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPP
         return FixedLaw(KNOWN_LAWS[name])
     if name == "online_cold":
         return OnlineIcr(robot)
+    from trackslip.odometry.identified import identified_law  # late, as it takes a while
+
     stored = load_laws(laws, robot)
     prior = stored.get(_PRIORS.get(name, ""))
     if isinstance(prior, ConstantIcr):
@@ -217,5 +280,5 @@ def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPP
     if name not in stored:
         learning = [online for online, law in _PRIORS.items() if law in stored]
         names = [*KNOWN_LAWS, *stored, *learning, "online_cold"]
-        raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
-    return known_law(stored[name])
+        raise InvalidValueError("compensation", name, one_of(names, name))
+    return known_law(stored[name], identified_law(laws, name, robot))

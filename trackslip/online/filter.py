@@ -35,9 +35,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.pose_estimate import PoseEstimate
+from trackslip.odometry.uncertainty import LawErrors
 from trackslip.restorable import Restorable
 
 # limits on the constants: g [-], epsilon [-] and c [m]
@@ -70,6 +72,7 @@ class FilterTuning:
     """Process noise of the heading [rad per sqrt(rad) turned, and per sqrt(m) driven]."""
 
 
+@checks_arguments
 class IcrFilter(Restorable):
     """Extended Kalman filter for the poses, D and epsilon of N independent robots."""
 
@@ -141,6 +144,21 @@ class IcrFilter(Restorable):
     def offset(self) -> Array:
         """Estimates of D (N,) [m]."""
         return self._geometry.half_gauge * (1 / self.state[:, 3] - 1)
+
+    @property
+    def law_errors(self) -> LawErrors:
+        """Errors of D and epsilon, with covariances (N, 2, 2).
+
+        As D = b (1 / g - 1), an error of g is -b / g^2 times as large in D.
+        """
+        by_gain = -self._geometry.half_gauge / self.state[:, 3] ** 2
+        scale = np.stack([by_gain, np.ones_like(by_gain)], axis=1)
+        covariance = scale[:, :, None] * self.covariance[:, 3:5, 3:5] * scale[:, None, :]
+        return LawErrors(("offset", "radius_error"), covariance)
+
+    def velocity(self, omega: Array) -> Array:
+        """Velocities (N, 3) (forwards, leftwards, yaw) at sprocket speeds (N, 2) [rad/s]."""
+        return icr_motion(self.state[:, 3:], omega, self._geometry)[0]
 
     def update(
         self, omega: Array, duration: float, estimate: PoseEstimate, known: Array | None = None

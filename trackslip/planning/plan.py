@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require
+from trackslip.arguments import checks_arguments
+from trackslip.errors import InvalidValueError, require_one_of
 from trackslip.identification.path import DriveModel
 from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry, twist_of_tracks
 from trackslip.laws.families import LawFamily, drive_laws, family
@@ -90,6 +91,7 @@ class DrivePlan(PlacedRoute):
         return relative_to(family(self.law), self.values, self.knowledge.geometry)
 
 
+@checks_arguments
 def plan_drive(
     geometry: RobotGeometry,
     limits: DriveLimits,
@@ -109,7 +111,7 @@ def plan_drive(
     InvalidValueError for an unknown law, or an area or duration in which no drive determines the
     law.
     """
-    require(law in PLANNED_LAWS, "law", law, f"one of {', '.join(PLANNED_LAWS)}")
+    require_one_of("law", law, PLANNED_LAWS)
     least = 2 * max(CORNER_DISTANCE * geometry.half_gauge, limits.clearance)
     if min(limits.area) <= least:
         allowed = f"more than {least:g} m long and wide, for the robot to turn"

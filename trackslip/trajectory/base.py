@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from trackslip.kinematics import Array
 
 
+@runtime_checkable
 class Reference(Protocol):
     """A trajectory that rests at its start before time 0 and at its end after `duration`."""
 
@@ -26,7 +27,11 @@ class Reference(Protocol):
 
 
 class PiecewiseReference(ABC):
-    """Base class of references with constant acceleration between knots."""
+    """Base class of references with constant acceleration between knots.
+
+    In turns on the spot, distances, speeds and accelerations are angles [rad], yaw rates and yaw
+    accelerations.
+    """
 
     def __init__(
         self, durations: ArrayLike, start_speeds: ArrayLike, end_speeds: ArrayLike
@@ -55,8 +60,7 @@ class PiecewiseReference(ABC):
 
     def twist(self, time: ArrayLike) -> Array:
         """Twists (..., 2) at times (...) [s]."""
-        k, distance, speed = self._driven(time)
-        return np.stack([speed, speed * self.curvature_in(k, distance)], axis=-1)
+        return self.twist_in(*self._driven(time))
 
     def _driven(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
         """Cells, distances driven in them [m] and speeds [m/s], each (...), at times (...) [s]."""
@@ -76,8 +80,10 @@ class PiecewiseReference(ABC):
         """Poses (..., 3) in cells k (...), at distances (...) [m] from their starts."""
 
     @abstractmethod
-    def curvature_in(self, k: NDArray[np.intp], distance: Array) -> Array:
-        """Curvatures (...) [1/m] in cells k (...), at distances (...) [m] from their starts."""
+    def twist_in(self, k: NDArray[np.intp], distance: Array, speed: Array) -> Array:
+        """Twists (..., 2) in cells k (...), at distances [m] from their starts and speeds [m/s],
+        each (...).
+        """
 
 
 def cell(knots: Array, places: Array) -> NDArray[np.intp]:

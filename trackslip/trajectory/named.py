@@ -12,22 +12,37 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.errors import require
+from trackslip.arguments import checks_arguments
+from trackslip.errors import require_one_of
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import Reference, cell
 from trackslip.trajectory.path import (
     KNOT_SPACING,
+    LIMITS,
     Complex,
+    MotionLimits,
     ParametricPath,
     PlanarPath,
     ProfiledReference,
 )
-from trackslip.trajectory.segmented import PAPER_START, circle, paper_reference, stop_and_go
-from trackslip.trajectory.waypoints import read_waypoints
+from trackslip.trajectory.segmented import (
+    PAPER_START,
+    SegmentedReference,
+    circle,
+    paper_reference,
+    stop_and_go,
+)
+from trackslip.trajectory.waypoints import TOLERANCE, read_waypoints
 
 _GAUSS_LEGENDRE: Final = np.polynomial.legendre.leggauss(5)
 _NODES: Final = (_GAUSS_LEGENDRE[0] + 1) / 2  # on [0, 1]
 _WEIGHTS: Final = _GAUSS_LEGENDRE[1] / 2  # on [0, 1]
+
+CIRCLE_RADIUS: Final = 1.0
+"""Radius of the reference `circle` [m]."""
+CIRCLE_SPEED: Final = 0.15
+"""Speed on the reference `circle` [m/s]."""
+_CIRCLE_START: Final = (-1.5, 0.4, 0.0)
 
 
 @dataclass(frozen=True)
@@ -99,6 +114,21 @@ class ClothoidPath(PlanarPath):
         k = k[..., None]
         heading = self._heading[k] + self._turn(k, distance[..., None] * _NODES)
         return distance * (np.exp(1j * heading) @ _WEIGHTS)
+
+
+def one_circle(
+    radius: float = CIRCLE_RADIUS,
+    speed: float = CIRCLE_SPEED,
+    duration: float | None = None,
+    start: ArrayLike = _CIRCLE_START,
+) -> SegmentedReference:
+    """The reference `circle`: to the left, by default once round.
+
+    `radius` is in m, `speed` in m/s, `duration` in s, and `start` (3,) is the first pose.
+    """
+    if duration is None:
+        duration = 2 * np.pi * radius / speed
+    return circle(radius, speed, duration, start)
 
 
 def clothoid(start: ArrayLike) -> ProfiledReference:
@@ -197,7 +227,7 @@ def spiral(start: ArrayLike) -> ProfiledReference:
 # stays more than 1 m from the scanner and within its field of view even if the robot is 0.4 m off.
 REFERENCES: Final[dict[str, Callable[..., Reference]]] = {
     "paper": partial(paper_reference, start=PAPER_START),
-    "circle": partial(circle, 1.0, 0.15, 2 * np.pi / 0.15, start=(-1.5, 0.4, 0.0)),
+    "circle": one_circle,
     "figure_eight": partial(figure_eight, start=(-1.5, 1.6, -np.pi / 4)),
     "slalom": partial(slalom, start=(-3.5, 1.2, 0.0)),
     "rounded_square": partial(rounded_square, start=(-1.5, 0.5, 0.0)),
@@ -208,18 +238,23 @@ REFERENCES: Final[dict[str, Callable[..., Reference]]] = {
 """Functions that build references, by name. Each accepts another `start` (3,) as a keyword."""
 
 
+@checks_arguments
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
     """Build the reference called `name` in REFERENCES, by default from its own start.
 
     `start` (3,) is another first pose. Raises InvalidValueError for an unknown name.
     """
-    require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}")
+    require_one_of("reference", name, REFERENCES)
     build = REFERENCES[name]
     return build() if start is None else build(start=start)
 
 
-def load_reference(name_or_path: str | Path) -> Reference:
+def load_reference(
+    name_or_path: str | Path, limits: MotionLimits = LIMITS, tolerance: float = TOLERANCE
+) -> Reference:
     """Build a reference from its name in REFERENCES or from the waypoints in a `.csv` file.
+
+    For files, `limits` are those on the motion, and the path may miss waypoints by `tolerance` [m].
 
     Raises:
         InvalidValueError: if `name_or_path` is neither a known name nor a `.csv` path.
@@ -227,7 +262,6 @@ def load_reference(name_or_path: str | Path) -> Reference:
     """
     name = str(name_or_path)
     if Path(name).suffix.lower() == ".csv":
-        return read_waypoints(Path(name))
-    allowed = f"one of {', '.join(REFERENCES)}, or a .csv file of waypoints"
-    require(name in REFERENCES, "reference", name, allowed)
+        return read_waypoints(Path(name), limits, tolerance)
+    require_one_of("reference", name, REFERENCES, ", or a .csv file of waypoints")
     return REFERENCES[name]()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -163,7 +163,7 @@ def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
         if lengths[shortest] < _MIN_KNOT_SPACING:
             point = curve(u[shortest], 0)
             found = f"turns back sharply at ({point.real:.3f}, {point.imag:.3f})"
-            allowed = "smooth; waypoints may reverse where a column yaw says so"
+            allowed = "smooth; waypoints reverse or turn on the spot where a column yaw says so"
             raise InvalidValueError("path", found, allowed)
 
         middle = (start + end)[is_coarse] / 2
@@ -196,6 +196,19 @@ class MotionLimits:
             value = getattr(self, name)
             require_positive(name, value)
             require(value >= least, name, value, f"at least {least:g} {unit}")
+
+    def scaled(self, speed: float, top_speed: float) -> MotionLimits:
+        """The limits in proportion to another `speed` [m/s], which bends and starts reduce by the
+        same factors, with a track speed up to `top_speed` [m/s].
+        """
+        factor = speed / self.speed
+        return replace(
+            self,
+            speed=speed,
+            acceleration=factor * self.acceleration,
+            yaw_rate=factor * self.yaw_rate,
+            track_speed=min(factor * self.track_speed, top_speed),
+        )
 
     def speed_at(self, curvature: ArrayLike) -> Array:
         """Maximum speeds (...) [m/s] at curvatures (...) [1/m]."""
@@ -242,10 +255,11 @@ class ProfiledReference(PiecewiseReference):
         s = self._path.knots[k] + self._direction * distance
         return self._path.pose(s) + self._turn
 
-    def curvature_in(self, k: NDArray[np.intp], distance: Array) -> Array:
+    def twist_in(self, k: NDArray[np.intp], distance: Array, speed: Array) -> Array:
         """See PiecewiseReference."""
         s = self._path.knots[k] + self._direction * distance
-        return self._direction * self._path.curvature(s)
+        curvature = self._direction * self._path.curvature(s)
+        return np.stack([speed, speed * curvature], axis=-1)
 
 
 def _speeds(

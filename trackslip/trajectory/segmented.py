@@ -60,9 +60,9 @@ class SegmentedReference(PiecewiseReference):
         turn = distance * self._curvatures[k]
         return advance(self._start_poses[k], np.stack([distance, turn], axis=-1), 1.0)
 
-    def curvature_in(self, k: NDArray[np.intp], distance: Array) -> Array:
+    def twist_in(self, k: NDArray[np.intp], distance: Array, speed: Array) -> Array:
         """See PiecewiseReference."""
-        return self._curvatures[k]
+        return np.stack([speed, speed * self._curvatures[k]], axis=-1)
 
 
 def paper_reference(start: ArrayLike = PAPER_START) -> SegmentedReference:

@@ -1,4 +1,6 @@
-"""References through waypoints from an array or a CSV file, with reversals by the headings."""
+"""References through waypoints from an array or a CSV file, with reversals and turns on the spot by
+the headings.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +10,31 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, LogError, ReferenceFileError, require
-from trackslip.kinematics import Array
+from trackslip.arguments import checks_arguments
+from trackslip.errors import (
+    InvalidValueError,
+    LogError,
+    ReferenceFileError,
+    require,
+    require_within,
+)
+from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table
 from trackslip.trajectory.base import PiecewiseReference, Reference
 from trackslip.trajectory.path import (
     LIMITS,
     MAX_LENGTH,
+    Complex,
     MotionLimits,
     ParametricPath,
     ProfiledReference,
 )
+from trackslip.trajectory.places import MAX_BEND, Places, places_of, turning_points
+from trackslip.trajectory.smoothing import Ends, chord_lengths, interpolated, smoothed
+from trackslip.trajectory.turns import TurnOnTheSpot
 
 WAYPOINT_COLUMNS: Final = ("x", "y", "yaw", "v")
 """Columns of a waypoint file [m, m, rad, m/s]; yaw and v are optional."""
@@ -32,16 +44,21 @@ MAX_POINTS: Final = 10_000
 """Largest allowed number of waypoints."""
 MAX_COORDINATE: Final = 100.0
 """Maximum absolute value in a waypoint's columns, above all of a coordinate [m]."""
-MIN_SPACING: Final = 1e-3
-"""Minimum distance between neighbouring waypoints [m]."""
-# cosine of the largest angle between a chord and the headings at its ends
-_MIN_COSINE: Final = np.cos(np.radians(45))
+TOLERANCE_SHARE: Final = 0.1
+"""Distance by which a path may miss its waypoints, by default, over the robot's half gauge [-]."""
+TOLERANCE: Final = TOLERANCE_SHARE * 0.168
+"""The same for the shipped robot [m]."""
+MAX_TOLERANCE: Final = 1.0
+"""Largest distance by which a path may miss its waypoints [m]."""
+# duration of the smoothed path over that of the spline through all points from which it is used
+_LEAST_GAIN: Final = 0.9
+_EQUAL_HEADINGS: Final = 1e-9  # largest difference of equal headings [rad]
 
 
 class Stretches(PiecewiseReference):
     """Several references in sequence, with headings unwrapped from each to the next."""
 
-    def __init__(self, references: Sequence[ProfiledReference]) -> None:
+    def __init__(self, references: Sequence[PiecewiseReference]) -> None:
         self._references = references
         counts = [len(reference.knots) - 1 for reference in references]
         self._first = np.cumsum([0, *counts])  # first cell of each reference, and number of cells
@@ -64,14 +81,14 @@ class Stretches(PiecewiseReference):
             poses[mask, 2] += turn
         return poses
 
-    def curvature_in(self, k: np.ndarray, distance: Array) -> Array:
+    def twist_in(self, k: np.ndarray, distance: Array, speed: Array) -> Array:
         """See PiecewiseReference."""
-        curvatures = np.empty(k.shape)
+        twists = np.empty((*k.shape, 2))
         for reference, mask, first, _ in self._parts(k):
-            curvatures[mask] = reference.curvature_in(k[mask] - first, distance[mask])
-        return curvatures
+            twists[mask] = reference.twist_in(k[mask] - first, distance[mask], speed[mask])
+        return twists
 
-    def _parts(self, k: np.ndarray) -> Iterator[tuple[ProfiledReference, np.ndarray, int, float]]:
+    def _parts(self, k: np.ndarray) -> Iterator[tuple[PiecewiseReference, np.ndarray, int, float]]:
         """Yield each reference, a mask (...) of cells k in it, its first cell and turn [rad]."""
         for index, reference in enumerate(self._references):
             first = self._first[index]
@@ -79,7 +96,10 @@ class Stretches(PiecewiseReference):
             yield reference, mask, first, self._turns[index]
 
 
-def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
+@checks_arguments
+def read_waypoints(
+    path: Path, limits: MotionLimits = LIMITS, tolerance: float = TOLERANCE
+) -> Reference:
     """Build the reference through the points in a CSV file: see `waypoints`.
 
     The file has the columns x, y and optionally yaw and v. Raises ReferenceFileError if the file
@@ -98,32 +118,43 @@ def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
                 row = int(np.argmax(is_missing))
                 raise LogError(f"{path}: {columns.complaint(name, row)}")
         points = np.column_stack([values["x"], values["y"]])
-        return waypoints(points, limits, values.get("yaw"), values.get("v"))
+        return waypoints(points, limits, values.get("yaw"), values.get("v"), tolerance)
     except LogError as error:
         raise ReferenceFileError(str(error)) from error
     except InvalidValueError as error:
         raise ReferenceFileError(f"{path}: {error}") from error
 
 
+@checks_arguments
 def waypoints(
     points: ArrayLike,
     limits: MotionLimits = LIMITS,
     yaw: ArrayLike | None = None,
     speed: ArrayLike | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Reference:
     """Build a smooth reference through all points in order.
 
     It is a cubic spline parametrised by chord length. The curvature is continuous and, without
     `yaw`, zero at both ends. Among the usual spline parameters, chord length gives the widest bends
-    for unevenly spaced points. The robot drives in reverse where successive points lie against the
-    headings, and stops where its direction of travel changes.
+    for unevenly spaced points.
+
+    Where points are so dense or noisy that bends between them slow the robot, the spline misses
+    them by up to `tolerance`, and is the smoothest one that does.
+
+    With `yaw`, the robot drives in reverse where successive points lie against the headings, and
+    stops where its direction of travel changes. It turns on the spot (v = 0) where points repeat
+    each other with other headings, and at its start, its goal, reversals and corners between
+    distant points, if its heading there is more than 60 deg off the path. Without `yaw`, it turns
+    on the spot at corners of more than 45 deg that are given twice.
 
     Args:
         points: world positions (N, 2) [m].
         limits: limits on speed, acceleration and yaw rate.
-        yaw: headings (N,) [rad], which determine where the robot reverses, and its headings at
-            starts and stops.
+        yaw: headings (N,) [rad], which determine where the robot reverses and where it turns on
+            the spot, and its headings at starts and stops.
         speed: speed limits (N,) at the points [m/s]; between points the squared limit is linear.
+        tolerance: largest distance of a point from the path [m].
 
     Raises:
         InvalidValueError: if there are too few or too many points, points too far away or too close
@@ -134,32 +165,36 @@ def waypoints(
     require(planar, "shape of the waypoints", points.shape, "(N, 2): columns x and y")
     yaw = None if yaw is None else np.asarray(yaw, float)
     speed = None if speed is None else np.asarray(speed, float)
+    require_within("tolerance", tolerance, 0.0, MAX_TOLERANCE, "m")
     _require_drivable(points, yaw, speed)
-    directions = np.ones(len(points) - 1, int)
-    if yaw is not None:
-        directions = _directions(points, yaw)
-    if speed is not None:
-        _require_speeds(speed, directions)
 
-    # a stretch ends where the direction changes
-    changes = np.flatnonzero(np.diff(directions)) + 1
-    ends = [0, *changes.tolist(), len(points) - 1]
-    references = []
-    for first, last in pairwise(ends):
-        stretch = slice(first, last + 1)
-        reference = _stretch(
-            points[stretch],
-            None if yaw is None else yaw[stretch],
-            None if speed is None else speed[stretch],
-            int(directions[first]),
-            limits,
-        )
-        references.append(reference)
+    places = places_of(points @ [1, 1j], yaw, tolerance, _dense(limits, tolerance))
+    directions = places.directions()
+    if speed is not None:
+        speed = _place_speeds(speed, places, directions)
+    stops = places.stops(directions)
+    stretches = []
+    for first, last in pairwise(stops):
+        stretch_speed = None if speed is None else speed[first : last + 1]
+        direction = int(directions[first])
+        stretches.append(_stretch(places, first, last, direction, stretch_speed, limits))
+    references = _with_turns(places, stops, stretches, limits)
+    require(references, "points", "all equal, with equal headings", "a way or a turn on the spot")
     return references[0] if len(references) == 1 else Stretches(references)
 
 
+def _dense(limits: MotionLimits, tolerance: float) -> float:
+    """Distance below which neighbouring points are dense [m].
+
+    An arc that can just be driven at full speed bulges from a chord of this length by `tolerance`.
+    Moving points that are further apart by the tolerance hardly changes the bends between them.
+    """
+    full_speed_radius = limits.speed / limits.yaw_rate
+    return float(np.sqrt(8 * full_speed_radius * tolerance))
+
+
 def _require_drivable(points: Array, yaw: Array | None, speed: Array | None) -> None:
-    """Raise InvalidValueError for a wrong number of points, or for one too far or too close."""
+    """Raise InvalidValueError for a wrong number of points, or for one too far."""
     count = len(points)
     allowed = f"from {MIN_POINTS} to {MAX_POINTS}"
     require(MIN_POINTS <= count <= MAX_POINTS, "number of waypoints", count, allowed)
@@ -172,63 +207,111 @@ def _require_drivable(points: Array, yaw: Array | None, speed: Array | None) -> 
         row = int(np.argmax(is_far))
         require(not is_far.any(), f"point {row + 1}, column {name}", float(values[row]), allowed)
 
-    lengths = np.hypot(*np.diff(points, axis=0).T)
-    k = int(np.argmin(lengths))
-    allowed = f"at least {MIN_SPACING:g} m from point {k + 1}"
-    require(lengths[k] >= MIN_SPACING, f"point {k + 2}", tuple(points[k + 1].tolist()), allowed)
-
-    length = float(lengths.sum().round(3))
+    length = float(np.hypot(*np.diff(points, axis=0).T).sum().round(3))
     require(length <= MAX_LENGTH, "way through all points", length, f"at most {MAX_LENGTH:g} m")
 
 
-def _require_speeds(speed: Array, directions: np.ndarray) -> None:
-    """Raise InvalidValueError for a negative speed (N,) where `directions` (N - 1,) are forwards.
+def _place_speeds(speed: Array, places: Places, directions: np.ndarray) -> Array:
+    """Smallest speeds (P,) at places from those of waypoints (N,) [m/s].
 
-    A point counts as forwards if the robot drives forwards before and after it.
+    Raises InvalidValueError for a negative speed where the robot drives forwards before and after.
     """
     before = np.insert(directions, 0, 1)
     after = np.append(directions, 1)
-    is_forwards = before + after == 2
+    is_forwards = np.repeat(before + after == 2, np.diff(places.rows))
     row = int(np.argmin(speed * is_forwards))
     is_allowed = speed[row] >= 0 or not is_forwards[row]
     allowed = "at least 0, unless a column yaw says reverse"
     require(is_allowed, f"point {row + 1}, column v", float(speed[row]), allowed)
-
-
-def _directions(points: Array, yaw: Array) -> np.ndarray:
-    """Directions of travel (N - 1,) between points (N, 2) with headings (N,): 1, in reverse -1."""
-    chords = np.diff(points, axis=0)
-    headings = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-    means = headings[:-1] + headings[1:]
-    lengths = np.hypot(*means.T) * np.hypot(*chords.T)
-    # the smallest number avoids 0 / 0 for opposite headings
-    cosine = np.sum(means * chords, axis=1) / (lengths + np.finfo(float).tiny)
-    across = int(np.argmin(np.abs(cosine)))
-    row = across + 1
-    is_along = np.abs(cosine[across]) >= _MIN_COSINE
-    allowed = f"within 45 deg of the way from point {row}, forwards or in reverse"
-    require(is_along, f"point {row + 1}, column yaw", float(yaw[row]), allowed)
-    return np.sign(cosine).astype(int)
+    return np.minimum.reduceat(np.abs(speed), places.rows[:-1])
 
 
 def _stretch(
-    points: Array, yaw: Array | None, speed: Array | None, direction: int, limits: MotionLimits
+    places: Places,
+    first: int,
+    last: int,
+    direction: int,
+    speed: Array | None,
+    limits: MotionLimits,
 ) -> ProfiledReference:
-    """The reference from rest to rest through points (N, 2) that are driven in one direction."""
-    lengths = np.hypot(*np.diff(points, axis=0).T)
-    parameter = np.concatenate([[0.0], np.cumsum(lengths)])
-    ends: str | tuple[tuple[int, complex], tuple[int, complex]] = "natural"  # no curvature
-    if yaw is not None:
-        # first derivatives, against the headings in reverse
-        first = direction * np.exp(1j * yaw[0])
-        last = direction * np.exp(1j * yaw[-1])
-        ends = ((1, first), (1, last))
-    curve = scipy.interpolate.CubicSpline(parameter, points @ [1, 1j], bc_type=ends)
-    path = ParametricPath(curve, parameter)
-    if speed is None:
-        return ProfiledReference(path, limits, direction=direction)
+    """The reference from rest to rest through the places from `first` to `last`, in one direction.
 
-    def speed_at(s: Array) -> Array:
-        return np.sqrt(np.interp(path.parameter(s), parameter, speed**2))
+    If some of them are dense, it is the one of the smoothest curve within the tolerance, if that is
+    quicker by more than a tenth than the spline through all places.
+    """
+    points = places.points[first : last + 1]
+    ends = Ends(
+        _clamped(direction * places.way(first, last), places.headings(first)[-1:], direction),
+        _clamped(-direction * places.way(last, first), places.headings(last)[:1], direction),
+    )
 
-    return ProfiledReference(path, limits, speed_at, direction)
+    def along(parameter: Array, through: Complex) -> ProfiledReference:
+        """The reference along the spline of these parameters (N,) through points (N,)."""
+        path = ParametricPath(interpolated(parameter, through, ends), parameter)
+        if speed is None:
+            return ProfiledReference(path, limits, direction=direction)
+
+        def speed_at(s: Array) -> Array:
+            return np.sqrt(np.interp(path.parameter(s), parameter, speed**2))
+
+        return ProfiledReference(path, limits, speed_at, direction)
+
+    is_dense = places.lengths[first:last].min() < places.dense
+    if len(points) < MIN_POINTS or not is_dense:
+        return along(chord_lengths(points), points)
+    smoother = along(*smoothed(points, places.slack[first : last + 1], ends))
+    # a curve turns at least as far as the chords between points on it (Milnor 1950)
+    chords = np.diff(points)
+    turned = float(np.abs(np.angle(chords[1:] / chords[:-1])).sum())
+    if smoother.duration < _LEAST_GAIN * turned / limits.yaw_rate:
+        return smoother
+    try:
+        exact = along(chord_lengths(points), points)
+    except InvalidValueError:  # too tight, or a cusp
+        return smoother
+    return smoother if smoother.duration < _LEAST_GAIN * exact.duration else exact
+
+
+def _clamped(way: complex, heading: Array, direction: int) -> complex | None:
+    """Direction of a path at an end with a `heading` (1,) or (0,), where the robot, facing ahead,
+    drives the `way`; None if the heading is unknown, or too far off it for a bend.
+    """
+    if not heading.size or abs(wrap_angle(heading[0] - np.angle(way))) > MAX_BEND:
+        return None
+    return complex(direction * np.exp(1j * heading[0]))
+
+
+def _with_turns(
+    places: Places,
+    stops: Sequence[int],
+    stretches: Sequence[ProfiledReference],
+    limits: MotionLimits,
+) -> list[PiecewiseReference]:
+    """The stretches between the places `stops`, with turns on the spot at these places."""
+    references: list[PiecewiseReference] = []
+    for k, place in enumerate(stops):
+        headings = places.headings(place)
+        if k > 0:
+            end = stretches[k - 1].duration
+            headings = _joined(stretches[k - 1].pose(end)[2:], headings)
+        if k < len(stretches):
+            headings = _joined(headings, stretches[k].pose(0.0)[2:])
+
+        # from each heading at which the robot changes its direction of turning to the next
+        extremes = turning_points(headings, _EQUAL_HEADINGS)
+        point = places.points[place]
+        for first, last in pairwise([0, *extremes, len(headings) - 1]):
+            angle = headings[last] - headings[first]
+            if abs(angle) > _EQUAL_HEADINGS:
+                start = (point.real, point.imag, headings[first])
+                references.append(TurnOnTheSpot(start, angle, limits))
+        references += stretches[k : k + 1]
+    return references
+
+
+def _joined(before: Array, after: Array) -> Array:
+    """Headings (n,) and (m,) in sequence, (n + m,), with half a turn at most between them [rad]."""
+    if before.size and after.size:
+        difference = before[-1] - after[0]
+        after = after + difference - wrap_angle(difference)
+    return np.concatenate([before, after])

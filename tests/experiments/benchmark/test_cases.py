@@ -35,20 +35,24 @@ def test_a_run_is_the_same_in_any_company(tmp_path):
         (alone,) = loops.drive([case], Stopwatch(), None)
         np.testing.assert_array_equal(alone.truth.pose, logs[case.name].truth.pose)
         np.testing.assert_array_equal(alone.pose, logs[case.name].pose)
-    linear, feedforward = (logs[case.name].pose[0] for case in (cases[0], cases[4]))
-    np.testing.assert_array_equal(linear, feedforward)
-    assert np.any(linear != logs[cases[0].name].truth.pose[0])
+    linear = logs[cases[0].name]
+    feedforward = logs[cases[4].name]
+    np.testing.assert_array_equal(linear.pose[0], feedforward.pose[0])
+    assert np.any(linear.pose[0] != linear.truth.pose[0])
 
 
 def test_drawn_plants_are_the_same_for_all_controllers():
     loops = ClosedLoops(Config(), "drawn")
-    plants = [
-        loops.plant(BenchmarkCase("linear", "none", "circle", "stone", "zero", seed))
-        for seed in range(200)
+    cases = [
+        BenchmarkCase("linear", "none", "circle", "stone", "zero", seed) for seed in range(200)
     ]
-    assert plants[3] == loops.plant(BenchmarkCase("lqr", "online", "circle", "stone", "random", 3))
-    assert plants[3] != loops.plant(BenchmarkCase("linear", "none", "slalom", "stone", "zero", 3))
-    ratios = [plant.setup.ground.across / load_ground("stone").across for plant in plants]
+    plants = [loops.plant(case) for case in cases]
+    of_another_controller = BenchmarkCase("lqr", "online", "circle", "stone", "random", 3)
+    assert plants[3] == loops.plant(of_another_controller)
+    of_another_path = BenchmarkCase("linear", "none", "slalom", "stone", "zero", 3)
+    assert plants[3] != loops.plant(of_another_path)
+    stone = load_ground("stone")
+    ratios = [plant.setup.ground.across / stone.across for plant in plants]
     noises = [plant.scanner_noise / loops.config.scanner.noise for plant in plants]
     for values, low, high in ((ratios, 0.8, 1.25), (noises, 0.5, 2.0)):
         assert low <= min(values) < max(values) <= high
@@ -117,14 +121,14 @@ def test_entries_are_compared_pair_by_pair():
 def test_intervals_of_differences_and_gains_cover_95_percent(paths, grounds, seeds):
     """Of a benchmark's suites; on the grounds of a seed the differences are nearly the same."""
     rng = np.random.default_rng(1)
-    covered, gains = [], []
+    covered = []
+    gains = []
+    shape = (paths, grounds, seeds)
     for _ in range(400):
-        shape = paths, grounds, seeds
-        plant, differs = (
-            rng.exponential(0.01, shape),
-            0.002 + rng.normal(0, 0.002, (paths, 1, seeds)),
-        )
-        errors = {"online": plant, "none": plant + differs + rng.normal(0, 0.0002, shape)}
+        plant = rng.exponential(0.01, shape)
+        difference = 0.002 + rng.normal(0, 0.002, (paths, 1, seeds))
+        scatter = rng.normal(0, 0.0002, shape)
+        errors = {"online": plant, "none": plant + difference + scatter}
         runs = [
             run("linear", 0.1 + rms, seed=seed, compensation=name)
             | {"reference": f"{path}", "ground": f"{ground}"}
@@ -143,4 +147,6 @@ def test_intervals_of_differences_and_gains_cover_95_percent(paths, grounds, see
 
 def test_a_single_plant_tells_no_interval():
     first, second = board([run("a", 0.001), run("b", 0.002)])
-    assert (first["rank"], second["rank"], second["behind_ci95"]) == (1, 2, None)
+    assert first["rank"] == 1
+    assert second["rank"] == 2
+    assert second["behind_ci95"] is None

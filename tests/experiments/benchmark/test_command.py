@@ -44,10 +44,8 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     options = ("--controllers", "linear", "--compensations", "none", "online", "--seeds", "0", "3")
     options += ("--plants", "nominal")
     result = trackslip("benchmark", *short, *options, "--grounds", "stone", "gravel")
-    rows, logs = (
-        result.summary["rows"],
-        {log.run: log for log in read_runs(result.folder / "runs.parquet")},
-    )
+    rows = result.summary["rows"]
+    logs = {log.run: log for log in read_runs(result.folder / "runs.parquet")}
     assert len(rows) == 2 * 2
     assert len(logs) == result.summary["runs"] == 8
     assert result.summary["failures"] == []
@@ -82,10 +80,9 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     page = (result.folder / "report.html").read_text(encoding="utf-8")
     best = result.summary["board"][0]
     for text in (page, result.printed):
-        assert (
-            f"Best: {best['controller']} with {best['compensation']}, {1e3 * best['score']:.1f} mm"
-            in text
-        )
+        entry = f"{best['controller']} controller, {best['compensation']} compensation"
+        assert f"Best: {entry}: {1e3 * best['score']:.1f} mm rms" in text
+    assert '<th scope="col" class="r">improvement ×</th>' in page
     names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
     assert {"leaderboard"} == names == set(re.findall(r'<figure id="(\w+)"', page))
     assert not (result.folder / STORE).exists()
@@ -121,7 +118,8 @@ def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
     assert len(read_runs(result.folder / "runs.parquet")) == 2 * 2
 
 
-STICKIER_AT, ARC_END = 20.0, 33.8  # the ground called sticky; the end of the paper's arc [s]
+STICKIER_AT = 20.0  # of the ground called sticky [s]
+ARC_END = 33.8  # the end of the paper's arc [s]
 
 
 @pytest.mark.slow

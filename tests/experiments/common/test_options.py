@@ -16,7 +16,8 @@ from experiments.common.options import (
 )
 from trackslip.errors import InvalidValueError
 
-NAN, INF = float("nan"), float("inf")
+NAN = float("nan")
+INF = float("inf")
 
 
 @dataclass(frozen=True)
@@ -54,4 +55,5 @@ def test_what_is_within_bounds_is_taken():
         {"speed": 2.0, "radii": (3.0, 0.1), "noise": 0.0},
         {"jobs": 8, "bag": True, "method": "paper"},
     ):
-        Config(**given)
+        config = Config(**given)
+        assert {name: getattr(config, name) for name in given} == given

@@ -5,9 +5,11 @@ import xml.etree.ElementTree as ET
 import pytest
 from matplotlib.figure import Figure
 
+from experiments.common.laws import symbol
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
 from experiments.common.table import MISSING, Cell, Table, number, percent, significant
+from trackslip.laws.families import FAMILIES
 
 pytestmark = pytest.mark.usefixtures("with_figures")
 
@@ -94,6 +96,18 @@ def test_alarms_stand_in_place_of_the_heading():
     assert '<section class="answer alarm">\n<h2>60 s are too few</h2>' in text
     assert "<script" not in text
     assert "Best law" not in text
+
+
+def test_no_symbol_stands_for_two_things_in_the_table_of_a_drive():
+    for law in (name for name, family in FAMILIES.items() if family.of_drives):
+        names = [*FAMILIES[law].names, "drift", "clock_offset", "gyro_bias", "gyro_scale", "lag"]
+        symbols = [symbol(law, name) for name in names]
+        assert len(set(symbols)) == len(symbols)
+
+
+def test_a_number_that_rounds_to_zero_has_no_sign():
+    assert number(-0.04, 1, "s/m") == "0.0 s/m"
+    assert number(-0.06, 1, "s/m") == "−0.1 s/m"
 
 
 def test_numbers_as_printed():

@@ -110,7 +110,8 @@ def lives(group):
 
 def test_an_interrupted_command_ends_at_once_and_leaves_nothing(tmp_path):
     """No process of its group, and no file but a store, with which it resumes."""
-    out, temporary = tmp_path / "out", tmp_path / "tmp"
+    out = tmp_path / "out"
+    temporary = tmp_path / "tmp"
     temporary.mkdir()
     environment = {
         **os.environ,

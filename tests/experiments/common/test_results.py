@@ -46,8 +46,10 @@ def old(tracked, tmp_path):
 @pytest.mark.parametrize("size", [500, 20_000])  # too little for the summary; for the runs
 def test_a_full_disk_costs_a_line_and_nothing_old(old, refused, size):
     """A limit on file sizes fails in the midst of writing, as a full disk does."""
-    before, limits = contents(old), resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    before = contents(old)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    _, most = limits
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, most))
     try:
         line = refused(*TRACK, "--seed", "1", "--overwrite", "--out", str(old))
     finally:
@@ -84,7 +86,8 @@ def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
 
 
 def test_results_are_replaced_only_on_request(old, refused):
-    before, predict = contents(old), ("predict", "--out", str(old))
+    before = contents(old)
+    predict = ("predict", "--out", str(old))
     assert refused(*predict) == f"out = {str(old)!r}: contains results; --overwrite replaces them"
     assert contents(old) == before
     main([*predict, "--overwrite"])

@@ -178,7 +178,8 @@ def test_a_manifest_cannot_name_files_outside(tmp_path, old):
 
 
 def test_a_move_that_a_stranger_began_stays_inside(tmp_path):
-    out, outside = tmp_path / "out", tmp_path / "outside"
+    out = tmp_path / "out"
+    outside = tmp_path / "outside"
     outside.mkdir()
     write(out, {f"{MOVING}/figures/a.svg": "a", f"{MOVING}/.replaced.json": '{"../x": 1}'})
     (out / "figures").symlink_to(outside)
@@ -225,7 +226,9 @@ def test_whenever_it_stops_nothing_is_lost(tmp_path, monkeypatch, before, killed
     """The old results and the store, or the new results, are whole; the next command sees them."""
     results = {name: text for name, text in before.items() if not name.startswith(STORE)}
     stored = {name: text for name, text in before.items() if name.startswith(STORE)}
-    out, operation, stopped = tmp_path / "out", 0, True
+    out = tmp_path / "out"
+    operation = 0
+    stopped = True
     outcomes = []
     while stopped:
         shutil.rmtree(out, ignore_errors=True)

@@ -13,13 +13,14 @@ import trackslip as library
 from experiments.cli import main
 from experiments.drive.config import Config
 from experiments.drive.course import STOPPED, drive_course
+from experiments.drive.page import slip_over_distance
 from experiments.drive.world import driver, make_world
 from sim.common.settings import from_options
 from sim.policy import Network, Policy
 from sim.traverse.config import TraverseConfig
 from sim.traverse.policy import OPTIONS
 from sim.traverse.task import Crossing
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.trajectory.waypoints import read_waypoints
 
 SHORT = ("--course", "step10", "--preset", "fast", "--speed", "0.5", "--duration", "2")
@@ -90,7 +91,10 @@ def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     assert "arm track" in result.printed
     page = (result.folder / "report.html").read_text()
     assert "<h2>It crossed the course after" in page
-    assert page.count("<svg ") == len(list((result.folder / "figures").glob("*.svg"))) == 2
+    figures = sorted(file.stem for file in (result.folder / "figures").glob("*.svg"))
+    assert figures == ["drive_profile", "drive_slip_over_distance"]
+    assert page.count('<div class="zoom">') == 2
+    assert page.count("<img ") == 3 == len(list((result.folder / "pictures").glob("*.png")))
 
 
 def test_a_policy_drives_as_in_its_environment(tmp_path):
@@ -118,10 +122,46 @@ def test_a_policy_drives_as_in_its_environment(tmp_path):
         driver(Config(robot="box", policy=tmp_path), make_world(Config(robot="box", course="flat")))
 
 
+def without_opengl(*_):
+    raise TrackslipError("rendering: no OpenGL works here")
+
+
+def test_without_opengl_only_asked_for_pictures_are_an_error(trackslip, failing, monkeypatch):
+    monkeypatch.setattr("experiments.drive.pictures.Pictures", without_opengl)
+    result = trackslip("drive", *SHORT)
+    assert "Note: there are no pictures, as rendering: no OpenGL works here." in result.printed
+    assert not (result.folder / "pictures").exists()
+    assert "no OpenGL works here" in failing("drive", *SHORT, "--pictures", "1")
+
+
 def driven(**options):
     config = Config(**{"robot": "box", "course": "flat", "preset": "fast", **options})
     world = make_world(config)
     return drive_course(world, driver(config, world))
+
+
+def test_slip_over_distance_is_weighted_by_the_belts():
+    run = driven(course="step10", duration=6.0, speed=0.5)
+    left, right = slip_over_distance(run).curves
+    assert left.label == "left track"
+    assert right.label == "right track"
+    of_left, _ = run.sides
+    belt = np.abs(run.contact.belt[:, of_left])
+    slip = run.contact.slip[:, of_left]
+
+    steps = np.linalg.norm(np.diff(run.state.position[:, :2], axis=0), axis=1)
+    distance = np.concatenate([[0.0], np.cumsum(steps)])
+    last_but_one, last = left.x[-2:]
+    assert last < distance[-1] < last + (last - last_but_one)
+    ends_of_pieces = (left.x[1:] + left.x[:-1]) / 2
+    piece = np.digitize(distance, ends_of_pieces)
+    chosen = np.isfinite(slip) & (piece == 30)
+    assert left.y[30] == pytest.approx(np.average(slip[chosen], weights=belt[chosen]))
+
+
+def test_a_robot_that_stays_in_place_has_no_slip_over_distance():
+    run = driven(duration=1.0, speed=0.0)
+    assert slip_over_distance(run) is None
 
 
 @pytest.mark.slow

@@ -12,25 +12,22 @@ SHORT = ("--radii", "1.0", "--speeds", "0.1", "--duration", "4")
 
 
 def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
-    one, two, other = (
-        trackslip(
-            "grid",
-            *SMALL,
-            "--seed",
-            seed,
-            "--threads",
-            threads,
-            "--out",
-            str(tmp_path / (seed + threads)),
-        )
-        for seed, threads in (("5", "1"), ("5", "2"), ("6", "1"))
-    )
-    stored = [(grid.folder / "runs.parquet").read_bytes() for grid in (one, two, other)]
-    assert stored[0] == stored[1] != stored[2]
-    assert {path.stem for path in one.folder.iterdir()} == {"manifest", "runs", "summary", "table"}
+    def grid(seed, threads):
+        out = str(tmp_path / f"{seed} {threads}")
+        return trackslip("grid", *SMALL, "--seed", seed, "--threads", threads, "--out", out)
+
+    def stored(result):
+        return (result.folder / "runs.parquet").read_bytes()
+
+    one = grid("5", "1")
+    assert stored(grid("5", "2")) == stored(one)
+    assert stored(grid("6", "1")) != stored(one)
+    files = {path.stem for path in one.folder.iterdir()}
+    assert files == {"manifest", "runs", "summary", "table", "report"}
     assert one.manifest["seed"] == 5
     (radii,) = (each["radius"] for each in one.summary["grids"])
-    assert (radii["commanded"], radii["published"]) == ([0.6, 1.5], [None, 2.05])
+    assert radii["commanded"] == [0.6, 1.5]
+    assert radii["published"] == [None, 2.05]
     names = [log.run for log in read_runs(one.folder / "runs.parquet")]
     assert names == [f"radius={r} speed={v}" for r in (0.6, 1.5) for v in (0.1, 0.2)]
 
@@ -46,14 +43,19 @@ def ground_of(result):
 
 def test_a_ground_by_name_or_from_a_file_with_changes(trackslip, tmp_path):
     ground = ground_of(trackslip("grid", *SHORT, "--ground", "gravel", "--ground.across", "0.5"))
-    assert (ground["along"], ground["across"], ground["slope"]) == (0.35, 0.5, 0.0)
+    assert ground["along"] == 0.35
+    assert ground["across"] == 0.5
+    assert ground["slope"] == 0.0
     path = tmp_path / "wet.toml"
     path.write_text(
         "base = 'wet'\n[[patches]]\nx = [-inf, inf]\ny = [0.0, 1.0]\nalong = 0.2\nacross = 0.2\n"
     )
     ground = ground_of(trackslip("grid", *SHORT, "--ground", str(path), "--ground.slope", "0.05"))
-    assert (ground["along"], ground["slope"], ground["patches"][0]["along"]) == (0.6, 0.05, 0.2)
-    assert ground["patches"][0]["x"] == [None, None]  # infinite
+    (patch,) = ground["patches"]
+    assert ground["along"] == 0.6
+    assert ground["slope"] == 0.05
+    assert patch["along"] == 0.2
+    assert patch["x"] == [None, None]  # infinite
 
 
 def planned(*arguments):

@@ -44,10 +44,12 @@ def test_every_combination_is_a_run_with_a_row(trackslip):
     for row in rows:
         log = stored[row["id"]]
         assert log.run == row["run"]
-        ground, along = log.metadata["ground"], {"stone": 0.7, "ice": 0.12}[row["ground"]]
+        ground = log.metadata["ground"]
+        along = {"stone": 0.7, "ice": 0.12}[row["ground"]]
         assert ground["along"] == along
         assert ground["across"] == pytest.approx(row["friction_ratio"] * along)
-        assert (log.metadata["seed"], log.metadata["radius"]) == (row["seed"], row["radius"])
+        assert log.metadata["seed"] == row["seed"]
+        assert log.metadata["radius"] == row["radius"]
         assert row["slip_l"] == pytest.approx(row["true_slip_l"], abs=0.01)
         assert row["omega_r"] == pytest.approx(log.omega[-20:, 1].mean(), rel=1e-3)
     assert [grid["runs"] for grid in result.summary["grids"]] == [1] * 8
@@ -59,18 +61,14 @@ def test_every_combination_is_a_run_with_a_row(trackslip):
 
 
 def test_runs_keep_their_ids_and_bits_when_others_come(trackslip, tmp_path):
-    few = logs(
-        trackslip("grid", *SHORT, "--vary", "slope=0.05", "--out", str(tmp_path / "few")).folder
-    )
-    more = logs(
-        trackslip(
-            "grid", *SHORT, "--seeds", "3", "0", "--vary", "slope=0,0.05", "drive.lag=0.05,0.08"
-        ).folder
-    )
+    small = ("grid", *SHORT, "--vary", "slope=0.05", "--out", str(tmp_path / "few"))
+    few = logs(trackslip(*small).folder)
+    varied = ("--seeds", "3", "0", "--vary", "slope=0,0.05", "drive.lag=0.05,0.08")
+    more = logs(trackslip("grid", *SHORT, *varied).folder)
     assert set(few) < set(more)
     for key, log in few.items():
-        for ours, theirs in ((log.pose, more[key].pose), (log.truth.pose, more[key].truth.pose)):
-            np.testing.assert_array_equal(ours, theirs)
+        np.testing.assert_array_equal(log.pose, more[key].pose)
+        np.testing.assert_array_equal(log.truth.pose, more[key].truth.pose)
     noise = [log.pose[:, :2] - log.truth.pose[:, :2] for log in more.values()]
     assert len({part.tobytes() for part in noise}) == len(more)
 
@@ -91,27 +89,15 @@ def test_methods_are_compared_on_the_same_scans(trackslip, tmp_path):
 
 @pytest.mark.slow
 def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused):
-    small = (
-        "--radii",
-        "0.6",
-        "1.5",
-        "--speeds",
-        "0.1",
-        "0.2",
-        "--duration",
-        "8",
-        "--executor",
-        "inline",
-    )
-    folder = str(
-        trackslip("grid", *small, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1").folder
-    )
-    unknown, missing = ("--where", "colour=red"), ("--where", "friction_ratio=1.1")
+    small = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
+    small += ("--executor", "inline")
+    varied = ("--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1")
+    folder = str(trackslip("grid", *small, *varied).folder)
     assert "its runs differ in ground (across): choose with --where" in refused("identify", folder)
-    assert "must be NAME=VALUE with one of seed, friction_ratio, " in refused(
-        "identify", folder, *unknown
-    )
-    assert "must be friction_ratio=one of 1.0, 1.2" in refused("identify", folder, *missing)
+    unknown = refused("identify", folder, "--where", "colour=red")
+    assert "must be NAME=VALUE with one of seed, friction_ratio, " in unknown
+    missing = refused("identify", folder, "--where", "friction_ratio=1.1")
+    assert "must be friction_ratio=one of 1.0, 1.2" in missing
     found = trackslip("identify", folder, "--where", "friction_ratio=1.2", "seed=1")
     assert found.summary["samples"] == 4
     # 40 % more friction across doubles it
@@ -136,7 +122,8 @@ def same_results(whole, resumed):
 def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
     arguments = ("grid", *SHORT, *VARY)
     whole = trackslip(*arguments, "--out", str(tmp_path / "whole")).folder
-    real, driven = sweep.drive_fleet, []
+    real = sweep.drive_fleet
+    driven = []
 
     def twice(*arguments, **options):
         if len(driven) == 2:

@@ -23,24 +23,25 @@ def written(runs, path, columns=COLUMNS):
 
 
 def written_drive(log, path, columns=COLUMNS):
-    count, rows = len(columns) - 4, []
+    count = len(columns) - 4
+    rows = []
     for k, valid in enumerate(log.is_valid):
-        rows.append(
-            [log.run, log.time[k], *log.omega[k], *(log.pose[k, :count] if valid else [""] * count)]
-        )
+        pose = log.pose[k, :count] if valid else [""] * count
+        rows.append([log.run, log.time[k], *log.omega[k], *pose])
     return written([rows], path, columns)
 
 
 def test_steady_samples_with_encoders_before_a_gear(trackslip, tmp_path):
     twist = np.array([*TWISTS, (-0.3, 0.2), (0.0, 0.6)])
-    omega = ICR.sprocket_speeds(twist, ROBOT) + np.random.default_rng(0).normal(
-        0, 0.01, (len(twist), 2)
-    )
-    rows = "\n".join(",".join(map(str, row)) for row in np.column_stack([30 * omega, twist]))
-    (tmp_path / "samples.csv").write_text("omega_l,omega_r,v,w\n" + rows)
-    result = trackslip("identify", str(tmp_path / "samples.csv"), *OF_ROBOT, "--gear", "30")
-    assert result.summary["laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.09, abs=0.01)
-    assert (result.summary["best"], result.summary["samples"]) == ("icr_radius", 12)
+    noise = np.random.default_rng(0).normal(0, 0.01, twist.shape)
+    omega = ICR.sprocket_speeds(twist, ROBOT) + noise
+    samples = np.column_stack([30 * omega, twist])
+    file = written([samples], tmp_path / "samples.csv", ("omega_l", "omega_r", "v", "w"))
+    result = trackslip("identify", file, *OF_ROBOT, "--gear", "30")
+    values = result.summary["laws"]["icr_radius"]["values"]
+    assert values["offset"] == pytest.approx(0.09, abs=0.01)
+    assert result.summary["best"] == "icr_radius"
+    assert result.summary["samples"] == 12
     assert (result.folder / "runs.parquet").is_file()
 
 
@@ -85,10 +86,9 @@ def test_the_grid_of_the_readme_is_fitted_without_a_warning(trackslip):
     ).folder
     found = identify(grid)
     assert found.warnings == ()
-    steady, whole = (
-        laws["icr_radius"].values["offset"] for laws in (found.comparison.laws, found.drive.laws)
-    )
-    assert whole == pytest.approx(steady, abs=2e-4)
+    steady = found.comparison.laws["icr_radius"].values
+    whole = found.drive.laws["icr_radius"].values
+    assert whole["offset"] == pytest.approx(steady["offset"], abs=2e-4)
 
 
 @pytest.mark.usefixtures("few_laws")
@@ -100,7 +100,8 @@ def test_odometry_as_encoders_needs_its_multiplier(trackslip):
     mean = log.omega.mean(axis=1, keepdims=True)
     bag = {"bag": {"encoders": "/odom", "odometry": True}}
     log = replace(log, omega=mean + (log.omega - mean) / 1.2, metadata=bag)
-    geometry, right = RobotGeometry(0.168, 0.06), 1 + 0.045 / 0.168
+    geometry = RobotGeometry(0.168, 0.06)
+    right = 1 + 0.045 / 0.168
     found = identify(log, geometry, method="drive", multiplier=1.2)
     assert found.answer["wheel_separation_multiplier"].value == pytest.approx(right, abs=0.01)
     assert found.alarms == ()

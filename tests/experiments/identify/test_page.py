@@ -62,14 +62,15 @@ def test_turns_of_all_kinds_and_straight_runs_have_a_page():
         assert plots(found) == OF_STEADY
         turns = Turns.of(found.samples, GEOMETRY)
         for figure in (
-            *figures.fitted_laws(turns, found.steady),
+            *figures.fitted_laws(turns, found.steady, [*found.steady.laws]),
             *figures.slip_against_speed(turns),
         ):
             assert_readable(figure)
 
 
 def test_turns_to_both_sides_have_the_same_inner_and_outer_slips():
-    left, right = (Turns.of(driven(circles(side=side)), GEOMETRY) for side in (1, -1))
+    left = Turns.of(driven(circles(side=1)), GEOMETRY)
+    right = Turns.of(driven(circles(side=-1)), GEOMETRY)
     assert left.left.all()
     assert not right.left.any()
     for turns in (left, right):
@@ -84,22 +85,22 @@ def test_straight_runs_are_left_out_and_spins_have_radius_zero():
 
 
 def test_errors_are_the_scatter_of_many_measurements():
-    many = [Turns.of(driven(np.array([[0.15, 0.12]]), seed=seed), GEOMETRY) for seed in range(1000)]
-    assert np.std([each.radius[0] for each in many]) == pytest.approx(
-        many[0].radius_error[0], rel=0.06
-    )
-    np.testing.assert_allclose(
-        np.std([each.slip[0] for each in many], axis=0), many[0].slip_error[0], rtol=0.06
-    )
+    twist = np.array([[0.15, 0.12]])
+    many = [Turns.of(driven(twist, seed=seed), GEOMETRY) for seed in range(1000)]
+    scatter = np.std([each.radius[0] for each in many])
+    assert scatter == pytest.approx(many[0].radius_error[0], rel=0.06)
+    scatter = np.std([each.slip[0] for each in many], axis=0)
+    np.testing.assert_allclose(scatter, many[0].slip_error[0], rtol=0.06)
 
 
 def test_a_law_has_a_curve_for_each_side_that_it_tells_apart():
     radius = np.array([0.5, 1.0, 2.0])
-    (curve,) = Turns.of(driven(circles()), GEOMETRY).curves(PUBLISHED, radius)
-    np.testing.assert_allclose(
-        curve[:, 0], PUBLISHED.alpha_inner * np.exp(PUBLISHED.beta_inner * radius)
-    )
+    of_one_side = Turns.of(driven(circles()), GEOMETRY)
+    of_both_sides = Turns.of(driven([*circles(), *circles(side=-1)]), GEOMETRY)
+    (curve,) = of_one_side.curves(PUBLISHED, radius)
+    inner = PUBLISHED.alpha_inner * np.exp(PUBLISHED.beta_inner * radius)
+    np.testing.assert_allclose(curve[:, 0], inner)
     np.testing.assert_allclose(curve, slip_at(PUBLISHED, radius, 0.1, left=False))
     law = IcrSides(0.03, 0.07, 0.0, 0.01, GEOMETRY.half_gauge)
-    for twists, sides in (([*circles(), *circles(side=-1)], 2), (circles(), 1)):
-        assert len(Turns.of(driven(twists), GEOMETRY).curves(law, radius)) == sides
+    assert len(of_both_sides.curves(law, radius)) == 2
+    assert len(of_one_side.curves(law, radius)) == 1

@@ -12,7 +12,8 @@ from rrd import component
 
 from experiments import recorder as recording
 from experiments.cli import main
-from experiments.recorder.run import parameters_of
+from experiments.common.traces import Traces
+from experiments.recorder.run import parameters_of, series_of
 from experiments.recorder.stream import write_recording
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import OutputError
@@ -26,21 +27,12 @@ TRACK = "track --reference circle --circle-duration 8 --circle-radius 0.8 --star
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory) -> tuple[Path, list[RunLog]]:
-    logs, folder = [], tmp_path_factory.mktemp("recording")
+    logs = []
+    folder = tmp_path_factory.mktemp("recording")
     for compensation in ("none", "icr_radius"):
         out = folder / compensation
-        main(
-            [
-                *TRACK.split(),
-                "--compensation",
-                compensation,
-                "--obstacles",
-                "posts",
-                "--rrd",
-                "--out",
-                str(out),
-            ]
-        )
+        options = ["--compensation", compensation, "--obstacles", "posts", "--rrd"]
+        main([*TRACK.split(), *options, "--out", str(out)])
         logs += read_runs(out / "runs.parquet")
     return folder, logs
 
@@ -55,29 +47,35 @@ def require_pose(file: Path, entity: str, log: RunLog) -> None:
     np.testing.assert_allclose(translation[:, :2], log.truth.pose[:, :2], atol=1e-6)
     x, y, z, w = quaternion.T.astype(float)  # rerun's order
     np.testing.assert_allclose([x, y], 0, atol=1e-7)
-    assert np.ptp(log.truth.pose[:, 2]) > 1  # the robot turned
-    np.testing.assert_allclose(
-        np.exp(2j * np.arctan2(z, w)), np.exp(1j * log.truth.pose[:, 2]), atol=1e-6
-    )
+    heading = log.truth.pose[:, 2]
+    assert np.ptp(heading) > 1  # the robot turned
+    shown = 2 * np.arctan2(z, w)
+    np.testing.assert_allclose(np.exp(1j * shown), np.exp(1j * heading), atol=1e-6)
 
 
 def test_recordings_hold_one_run_or_several_side_by_side(driven, tmp_path):
-    file, log = driven[0] / FILES["icr_radius"], driven[1][1]
+    folder, logs = driven
+    _, log = logs
+    file = folder / FILES["icr_radius"]
     require_pose(file, "/run/robot/chassis", log)
     _, slip = component(file, "/run/slip/true", "scalars")
     geometry = RobotGeometry(**log.metadata["geometry"])
     twist = log.truth.twist[:, [0, 2]]
-    expected = track_slip(log.omega[1:], (twist[1:] + twist[:-1]) / 2, geometry)
+    between_rows = (twist[1:] + twist[:-1]) / 2
+    expected = track_slip(log.omega[1:], between_rows, geometry)
     turning = np.abs(log.omega[1:]) > 0.3
     np.testing.assert_allclose(slip[1:][turning], expected[turning], atol=1e-12)
     assert np.isnan(slip[1:][~turning]).all()
     _, measured = component(file, "/run/sprocket/measured", "scalars")
     np.testing.assert_array_equal(measured, log.omega)
     both = tmp_path / "both.rrd"
-    recording.record(both, driven[1])
-    for log in driven[1]:
-        require_pose(both, f"/run/{log.run.replace(' ', chr(92) + ' ')}/robot/chassis", log)
-    assert len(RrdReader(both).recordings()) == len(RrdReader(both).blueprints()) == 1
+    recording.record(both, logs)
+    for log in logs:
+        name = log.run.replace(" ", r"\ ")
+        require_pose(both, f"/run/{name}/robot/chassis", log)
+    reader = RrdReader(both)
+    assert len(reader.recordings()) == 1
+    assert len(reader.blueprints()) == 1
 
 
 def rows_of(file: Path, entity: str, name: str) -> list[list]:
@@ -96,15 +94,12 @@ def rows_of(file: Path, entity: str, name: str) -> list[list]:
 
 
 def test_scan_points_lie_on_the_plate(driven):
-    log, plate = driven[1][0], Plate()
-    rows = rows_of(driven[0] / FILES["none"], "/run/scan/plate", "positions")
-    points = np.array([point for row in rows for point in row])
-    off = plate.outside(
-        log.truth.pose,
-        np.repeat(np.arange(len(rows)), [*map(len, rows)]),
-        points[:, 0],
-        points[:, 1],
-    )
+    folder, (log, _) = driven
+    rows = rows_of(folder / FILES["none"], "/run/scan/plate", "positions")
+    points = np.concatenate([row for row in rows if row])
+    counts = [len(row) for row in rows]
+    scan = np.repeat(np.arange(len(rows)), counts)
+    off = Plate().outside(log.truth.pose, scan, points[:, 0], points[:, 1])
     assert len(off) > 1000
     assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
     assert (off < 0.05).mean() > 0.99
@@ -121,10 +116,59 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     said = capsys.readouterr().out
     assert "2 runs; showing 'linear none'. --run NAME chooses one; repeat it to compare" in said
     assert f"to open it: rerun '{file}'" in said  # as a shell takes it
-    _, translation = component(file, "/run/robot/chassis", "translation")
+    _, translation = component(file, "/run/robot", "translation")
     seen = bare[0].is_valid
     np.testing.assert_allclose(translation[seen, :2], bare[0].pose[seen, :2], atol=1e-6)
     assert parameters_of(bare[0]) == RobotParameters()
+
+
+def real_log(driven, **metadata) -> RunLog:
+    """A run as the log of a real robot, of which only the metadata is known."""
+    log = driven[1][1]
+    return RunLog("real", log.time, log.omega, log.pose, metadata=metadata)
+
+
+def entities_of(file: Path) -> set[str]:
+    return {chunk.entity_path for chunk in RrdReader(file).stream()}
+
+
+def test_true_and_measured_slips_have_colours_of_their_own(driven):
+    colours = {}
+    for line in series_of(Traces(driven[1][1])):
+        if line.entity.startswith("slip/"):
+            colours |= dict(zip(line.names, line.colours, strict=True))
+    assert {"left, true", "right, true", "left, measured", "right, measured"} <= set(colours)
+    assert len(set(colours.values())) == len(colours) == 6
+
+
+def test_a_real_robot_is_shown_in_its_size_and_without_a_plate(driven, tmp_path):
+    geometry = {"half_gauge": 0.54, "sprocket_radius": 0.3}
+    log = real_log(driven, geometry=geometry)
+    parameters = parameters_of(log)
+    assert (parameters.half_gauge, parameters.sprocket_radius) == (0.54, 0.3)
+    assert parameters.axles[1] == pytest.approx(0.17 * 0.54 / 0.168)
+    file = tmp_path / "sized.rrd"
+    recording.record(file, [log])
+    entities = entities_of(file)
+    assert "/run/robot/chassis" in entities
+    assert not any("plate" in entity for entity in entities)
+
+
+def test_a_robot_of_unknown_size_is_an_arrow(driven, tmp_path):
+    file = tmp_path / "unknown.rrd"
+    recording.record(file, [real_log(driven)])
+    robots = {entity for entity in entities_of(file) if entity.startswith("/run/robot")}
+    assert robots == {"/run/robot"}
+
+
+def test_view_shows_the_robot_that_is_named(driven, tmp_path, refused):
+    log = tmp_path / "real.csv"
+    write_csv([real_log(driven)], log)
+    file = tmp_path / "named.rrd"
+    assert "nobody" in refused("view", str(log), "--robot", "nobody", "--save", str(file))
+    main(["view", str(log), "--robot", "husky", "--save", str(file)])
+    wheels = {entity for entity in entities_of(file) if entity.endswith("_wheels/wheels")}
+    assert wheels == {f"/run/robot/chassis/{side}_wheels/wheels" for side in ("left", "right")}
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bound import beside_bound
 from command_runs import ran
-from pages import ROOT, missing_line, shown
+from pages import ROOT, difference, shown
 
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.laws.file import SHIPPED, load_laws
@@ -46,7 +46,8 @@ def over_bound(logs):
 
     The scanner sees the plate: its true place on the leaning robot counts.
     """
-    squares, bounds = np.zeros(3), np.zeros(3)
+    squares = np.zeros(3)
+    bounds = np.zeros(3)
     for log in logs:
         phi = log.truth.pose[:, 2]
         left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
@@ -75,7 +76,8 @@ def test_localization_and_slip_errors(reproduced, summary):
     assert found["valid_fraction"] > 0.96  # the rest are edge-on views, which tell no heading
     assert found["rate_hz"] >= 10
     assert over_bound(grid_of(reproduced.folder)).max() < 1.1
-    arc, bundle = (slip_errors(reproduced.folder, method) for method in ("arc", "bundle"))
+    arc = slip_errors(reproduced.folder, "arc")
+    bundle = slip_errors(reproduced.folder, "bundle")
     for errors, most in ((arc, 0.0004), (bundle, 0.0003)):
         assert errors.std(axis=0).max() < most
         assert np.abs(errors.mean(axis=0)).max() < 0.0002
@@ -99,9 +101,10 @@ def test_compensation_pays(summary):
 
 
 def test_the_law_that_fits_best_is_the_physics(summary):
-    errors, laws = {name: law["rms"] for name, law in summary["laws"].items()}, summary["slip_laws"]
+    errors = {name: law["rms"] for name, law in summary["laws"].items()}
     assert errors["icr_radius"] < min(errors["icr"], errors["exponential"])
-    assert laws["icr_radius"]["values"]["radius_error"] == pytest.approx(0.0067, abs=0.0006)
+    values = summary["slip_laws"]["icr_radius"]["values"]
+    assert values["radius_error"] == pytest.approx(0.0067, abs=0.0006)
 
 
 def test_the_shipped_laws_are_these(summary):
@@ -113,14 +116,14 @@ def test_the_shipped_laws_are_these(summary):
 
 
 def test_what_is_left_behind(reproduced, summary):
-    assert {path.name for path in reproduced.folder.iterdir()} == {
-        *("manifest.json", "summary.json", "runs.parquet", "report.html")
-    }  # and figures, which these tests don't draw
-    assert summary["timing"]["simulated_s"] == pytest.approx(
-        25 * 30 + 10 * paper_reference().duration, abs=1
-    )
+    # and figures, which these tests don't draw
+    files = {"manifest.json", "summary.json", "runs.parquet", "report.html"}
+    assert {path.name for path in reproduced.folder.iterdir()} == files
+    simulated = 25 * 30 + 10 * paper_reference().duration
+    assert summary["timing"]["simulated_s"] == pytest.approx(simulated, abs=1)
     manifest = reproduced.manifest
-    assert (manifest["config"]["duration"], manifest["config"]["scanner"]["noise"]) == (30, 0.005)
+    assert manifest["config"]["duration"] == 30
+    assert manifest["config"]["scanner"]["noise"] == 0.005
     assert manifest["versions"]["mujoco"] >= "4.0"
     assert len(manifest["model_sha256"]) == 64
 
@@ -132,7 +135,7 @@ def test_the_pages_show_what_is_printed(reproduced):
         shown(page, "slip law"),
         shown(page, "Tracking errors"),
     ):
-        assert missing_line(text, reproduced.printed) is None
+        assert difference(text, reproduced.printed) is None
 
 
 @pytest.mark.slow

@@ -252,7 +252,7 @@ def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
         ("scripted", 1),
         ("policy", 1),
     ]
-    assert (found.folder / "curve.png").is_file()
+    assert (found.folder / "report.html").is_file()
     policy = Policy.load(found.folder)
     assert policy.options == {**OPTIONS, "robot": "rescue", "course": ["random"]}
     assert policy.action(np.zeros((3, 63))).shape == (3, 4)

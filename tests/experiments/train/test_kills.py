@@ -104,7 +104,8 @@ def test_a_kill_while_storing_leaves_the_checkpoint_before(
 @pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGTERM])
 def test_a_training_that_is_stopped_at_any_moment_resumes(tmp_path, undisturbed, stop):
     """Each of three processes is stopped soon after its first checkpoint, which later ones keep."""
-    out, moments = tmp_path / "out", random.Random(int(stop))
+    out = tmp_path / "out"
+    moments = random.Random(int(stop))
     for _ in range(3):
         before = steps_of(out)
         with train(out, COMMAND) as process:

@@ -1,5 +1,5 @@
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -39,19 +39,20 @@ def rows(candidate, rng=None, noise=0.0, lateral=False):
     the faster one's.
     """
     turns = theory(candidate.robot, candidate.ground, OMEGA)
+    yaw_rate = turns[:, 2:]
     place = candidate.sensor
-    seen = se2.rotate(-place.yaw, turns[:, :2] + turns[:, 2:] * [-place.y, place.x])
-    twist = np.column_stack([seen[:, 0], turns[:, 2]])
+    at_sensor = turns[:, :2] + yaw_rate * [-place.y, place.x]
+    seen = se2.rotate(-place.yaw, at_sensor)
+    twist = np.column_stack([seen[:, 0], yaw_rate])
     if rng is not None:
-        speeds = rng.normal(0, noise, OMEGA.shape) * np.abs(OMEGA).max(axis=1, keepdims=True) * 0.06
-        b = candidate.robot.half_gauge
-        twist = twist + np.stack(
-            [speeds.mean(axis=1), (speeds[:, 1] - speeds[:, 0]) / (2 * b)], axis=-1
-        )
+        fastest = np.abs(OMEGA).max(axis=1, keepdims=True) * 0.06
+        errors = rng.normal(0, noise, OMEGA.shape) * fastest
+        error_v = errors.mean(axis=1)
+        error_w = (errors[:, 1] - errors[:, 0]) / (2 * candidate.robot.half_gauge)
+        twist = twist + np.column_stack([error_v, error_w])
     names = [f"{k}" for k in range(len(OMEGA))]
-    samples = SlipSamples.of(
-        OMEGA, twist, candidate.geometry, names, lateral=seen[:, 1] if lateral else None
-    )
+    sideways = seen[:, 1] if lateral else None
+    samples = SlipSamples.of(OMEGA, twist, candidate.geometry, names, lateral=sideways)
     return SteadyRows(samples, candidate.geometry, turns=theory)
 
 
@@ -60,9 +61,8 @@ def test_parameters_can_be_changed_and_read_back():
         for limit in parameter.limits(BASE):
             value = parameter.unscaled(BASE, limit)
             assert parameter.low <= value <= parameter.high  # despite rounding
-            assert BASE.with_values({name: value}).value(name) == pytest.approx(
-                value, rel=1e-6, abs=1e-9
-            )
+            read_back = BASE.with_values({name: value}).value(name)
+            assert read_back == pytest.approx(value, rel=1e-6, abs=1e-9)
             assert parameter.scaled(BASE, value) == pytest.approx(limit, abs=1e-6)
 
 
@@ -100,26 +100,32 @@ def test_what_is_not_told_widens_the_intervals_of_the_others():
     """
     target = rows(BASE, rng=np.random.default_rng(3), noise=0.002)
     fit = calibrate(target, BASE, ("friction_ratio", "contact_length", "radius_error"))
-    vague = {name: estimate.vague for name, estimate in fit.estimates.items() if estimate.vague}
+    estimates = fit.estimates
+    vague = {name: estimate.vague for name, estimate in estimates.items() if estimate.vague}
     assert vague == {"contact_length": "the target does not distinguish it from friction_ratio"}
     assert fit.candidate.robot.contact_length == pytest.approx(BASE.robot.contact_length, rel=0.01)
-    alone = calibrate(target, BASE, ("friction_ratio", "radius_error")).estimates["friction_ratio"]
-    ratio = fit.estimates["friction_ratio"]
-    assert ratio.value == pytest.approx(alone.value, rel=0.01)
-    assert ratio.stderr == pytest.approx(0.3 * 0.15 / np.hypot(0.3, 0.15) * alone.value, rel=0.05)
+    without_length = calibrate(target, BASE, ("friction_ratio", "radius_error"))
+    expected = without_length.estimates["friction_ratio"].value
+    ratio = estimates["friction_ratio"]
+    assert ratio.value == pytest.approx(expected, rel=0.01)
+    share = 0.3 * 0.15 / np.hypot(0.3, 0.15)
+    assert ratio.stderr == pytest.approx(share * expected, rel=0.05)
 
 
 def test_folds_are_predicted_by_fits_to_the_others():
     target = rows(TRUE, rng=np.random.default_rng(0), noise=0.002)
-    labels = np.where(target.layout.cluster < 5, 0, np.where(target.layout.cluster < 10, 1, -1))
+    cluster = target.layout.cluster
+    labels = np.where(cluster < 5, 0, np.where(cluster < 10, 1, -1))
     fit = calibrate(target, START, FREE, labels)
     assert len(fit.folds) == 2
-    apart = calibrate(replace(target, samples=target.samples.take(np.arange(5, 20))), START, FREE)
+    without_first = replace(target, samples=target.samples.take(np.arange(5, 20)))
+    apart = calibrate(without_first, START, FREE)
     for name, estimate in apart.estimates.items():
         assert abs(fit.folds[0].value(name) - estimate.value) < estimate.stderr
     errors = np.full(len(labels), np.nan)
     for k, fold in enumerate(fit.folds):
-        errors[labels == k] = target.errors(fold)[labels == k]
+        in_fold = labels == k
+        errors[in_fold] = target.errors(fold)[in_fold]
     assert fit.held_out == target.metrics(errors)
     assert fit.held_out["w_rms"] < fit.held_out_before["w_rms"] / 3
 
@@ -132,53 +138,80 @@ def drive(time):
 
 def test_no_window_contains_a_jump_of_the_poses():
     whole = drive(np.arange(0, 20, 0.05))
-    jumped = whole.pose + np.where(whole.time[:, None] < 10, 0.0, [3.0, 0.0, 0.0])
+    after_jump = whole.time >= 10
+    jumped = whole.pose + after_jump[:, None] * [3.0, 0.0, 0.0]
     wild = 60
     jumped[wild] += [0.0, 2.0, 1.0]
     target = Drives([replace(whole, pose=jumped)], BASE.geometry)
-    assert not any(one.time[0] < 10 < one.time[-1] - 0.05 for one in target.windows)
-    seen = np.concatenate([one.time[one.is_valid] for one in target.windows])
+    for window in target.windows:
+        contains_jump = window.time[0] < 10 < window.time[-1] - 0.05
+        assert not contains_jump
+    seen = np.concatenate([window.time[window.is_valid] for window in target.windows])
     assert whole.time[wild] not in seen
-    (left,) = [
-        errors
-        for name, errors in target.metrics(target.errors(BASE)).items()
-        if name == "position_1s_p90"
-    ]
-    assert left < 0.2
+    metrics = target.metrics(target.errors(BASE))
+    assert metrics["position_1s_p90"] < 0.2
 
 
-GRIP = (
-    "friction_ratio",
-    "radius_left",
-    "radius_right",
-    "sensor_x",
-    "sensor_y",
-    "sensor_yaw",
-    "clock",
-)
-ICE = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
-COMMANDS = ("friction_ratio", "radius_error", "lag", "sensor_x")
+@dataclass(frozen=True)
+class Study:
+    """A robot whose parameters are drawn and found again from its drives."""
+
+    robot: str
+    ground: Ground
+    free: tuple[str, ...]
+    inputs: str
+    noise: float  # of the poses [m, rad]
+
+
+STUDIES = {
+    "grip": Study(
+        robot="shipped",
+        ground=Ground(),
+        free=(
+            "friction_ratio",
+            "radius_left",
+            "radius_right",
+            "sensor_x",
+            "sensor_y",
+            "sensor_yaw",
+            "clock",
+        ),
+        inputs="encoders",
+        noise=0.003,
+    ),
+    "ice": Study(
+        robot="husky",
+        ground=Ground(0.12, 0.12),
+        free=("friction", "friction_ratio", "radius_error", "sensor_x", "clock"),
+        inputs="encoders",
+        noise=0.01,
+    ),
+    "commands": Study(
+        robot="maxxii",
+        ground=Ground(),
+        free=("friction_ratio", "radius_error", "lag", "sensor_x"),
+        inputs="commands",
+        noise=0.003,
+    ),
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("robot", "ground", "free", "inputs", "noise"),
-    [
-        ("shipped", Ground(), GRIP, "encoders", 0.003),
-        ("husky", Ground(0.12, 0.12), ICE, "encoders", 0.01),
-        ("maxxii", Ground(), COMMANDS, "commands", 0.003),
-    ],
-)
-def test_intervals_contain_the_truth(robot, ground, free, inputs, noise):
+@pytest.mark.parametrize("name", STUDIES)
+def test_intervals_contain_the_truth(name):
     """Of about 60 intervals of 95 % from ten drives of a drawn robot each, at least 88 % do."""
-    inside, base = [], Candidate(load_parameters(robot)[0], ground)
+    study = STUDIES[name]
+    inside = []
+    parameters, _ = load_parameters(study.robot)
+    base = Candidate(parameters, study.ground)
     for seed in range(200, 210):
         rng = np.random.default_rng(seed)
-        truth = drawn(base, free, rng)
-        fit = calibrate(Drives(driven(truth, rng, noise), base.geometry, inputs), base, free)
-        for name, estimate in fit.estimates.items():
+        truth = drawn(base, study.free, rng)
+        drives = Drives(driven(truth, rng, study.noise), base.geometry, study.inputs)
+        fit = calibrate(drives, base, study.free)
+        for parameter, estimate in fit.estimates.items():
             if not estimate.vague:
-                inside.append(estimate.low <= truth.value(name) <= estimate.high)
+                inside.append(estimate.low <= truth.value(parameter) <= estimate.high)
     assert len(inside) >= 30
     assert np.mean(inside) >= 0.88, np.mean(inside)
 
@@ -191,9 +224,9 @@ def drawn(base: Candidate, names: Sequence[str], rng: np.random.Generator) -> Ca
     for name in names:
         low, high = PARAMETERS[name].limits(base)
         scaled = np.clip(rng.normal(0.0, 0.7), max(low, -2.0), min(high, 2.0))
-        values[name] = PARAMETERS[name].unscaled(
-            base, float(abs(rng.normal(0.0, 0.7)) if low == 0 else scaled)
-        )
+        if low == 0:  # a parameter that begins at its limit
+            scaled = abs(rng.normal(0.0, 0.7))
+        values[name] = PARAMETERS[name].unscaled(base, float(scaled))
     return base.with_values(values)
 
 
@@ -201,19 +234,20 @@ def driven(candidate: Candidate, rng: np.random.Generator, noise: float) -> list
     """Ten drives of 15 s by random commands; every second row has a pose of the sensor, by its own
     clock.
     """
-    robot, period, count = candidate.robot, 0.05, 10
+    robot = candidate.robot
+    period = 0.05
+    count = 10
     fleet = Fleet(compiled(robot), np.zeros((count, 3)), candidate.ground, robot.radius_error)
     driver = Driver(0.9 * fleet.drive.limit * robot.sprocket_radius, 5.0, robot.half_gauge)
     speeds = [track_commands("random", 15.0, 1 / period, driver, rng) for _ in range(count)]
+    omega = np.stack(speeds, axis=1) / robot.sprocket_radius
     logs = []
-    for log in open_loop(
-        fleet, np.stack(speeds, axis=1) / robot.sprocket_radius, 15.0, period=period
-    ):
+    for log in open_loop(fleet, omega, 15.0, period=period):
         seen = log.time + candidate.clock
         true = np.stack([np.interp(seen, log.time, column) for column in log.truth.pose.T], axis=-1)
         pose = se2.compose(true, candidate.sensor.pose) + noise * rng.standard_normal(true.shape)
-        valid = (np.arange(len(seen)) % 2 == 0) & (seen >= 0) & (seen <= log.time[-1])
-        logs.append(
-            replace(log, pose=np.where(valid[:, None], pose, np.nan), valid=valid, truth=None)
-        )
+        is_even = np.arange(len(seen)) % 2 == 0
+        valid = is_even & (seen >= 0) & (seen <= log.time[-1])
+        measured = np.where(valid[:, None], pose, np.nan)
+        logs.append(replace(log, pose=measured, valid=valid, truth=None))
     return logs

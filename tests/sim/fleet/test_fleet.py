@@ -24,8 +24,10 @@ FAST = Drive(top_speed=0.4)
 
 
 def grid_commands(robot, radii=COMMANDED_RADII, speeds=SPEEDS):
+    """Sprocket speeds (n, 2) for every radius and speed, without slip."""
     radius, speed = np.array(list(itertools.product(radii, speeds))).T
-    return sprocket_speeds(np.column_stack([speed, speed / radius]), 0.0, robot.geometry)
+    twist = np.column_stack([speed, speed / radius])
+    return sprocket_speeds(twist, 0.0, robot.geometry)
 
 
 def drive(robot, omega, seconds=4.0, **options):
@@ -44,16 +46,15 @@ def test_turning_agrees_with_theory_over_the_grid(robot, ratio):
     omega = np.concatenate([grid_commands(robot), SHARP])
     fleet = drive(robot, omega, ground=Ground(0.7, 0.7 * ratio), radius_error=0.0067)
     surface = omega * robot.geometry.sprocket_radius * 1.0067
-    geometry = robot.geometry
-    theory = steady_twist(
-        surface,
-        line_contact(geometry.half_gauge, robot.parameters.contact_length / 2, 0.7, 0.7 * ratio),
-    )
+    half_gauge = robot.geometry.half_gauge
+    half_length = robot.parameters.contact_length / 2
+    theory = steady_twist(surface, line_contact(half_gauge, half_length, 0.7, 0.7 * ratio))
     twist = fleet.twist()
     spread = surface[:, 1] - surface[:, 0]
     np.testing.assert_allclose(spread / twist[:, 2], spread / theory[:, 2], rtol=0.01)  # 2 (b + D)
     np.testing.assert_allclose(twist[:, 0], theory[:, 0], rtol=0.01, atol=1e-4)
-    slip, expected = (1 - track_speeds(t[:, [0, 2]], 0.168) / surface for t in (twist, theory))
+    slip = 1 - track_speeds(twist[:, [0, 2]], 0.168) / surface
+    expected = 1 - track_speeds(theory[:, [0, 2]], 0.168) / surface
     np.testing.assert_allclose(slip, expected, atol=0.004)
     slow = np.abs(theory[:, 2]) < 0.2
     np.testing.assert_allclose(slip[slow], expected[slow], atol=0.001)
@@ -64,9 +65,8 @@ def test_headings_are_unwrapped(robot):
     fleet.command([[-4.0, 4.0], [4.0, -4.0]])
     fleet.advance(10.0)
     turned = fleet.pose()[:, 2] - [7.0, -4.0]
-    np.testing.assert_allclose(
-        turned, np.array([1, -1]) * (10.0 - 0.05) * fleet.twist()[0, 2], rtol=0.01
-    )
+    steady_turn = (10.0 - 0.05) * fleet.twist()[0, 2]
+    np.testing.assert_allclose(turned, [steady_turn, -steady_turn], rtol=0.01)
     assert turned[0] > 2 * np.pi
 
 
@@ -110,9 +110,8 @@ def slid(parameters, friction, twist):
     """Final pose (3,) and model of a robot that is launched at a twist (3,) on locked tracks or
     wheels.
     """
-    fleet = Fleet(
-        compiled(parameters), np.zeros((1, 3)), Ground(friction, friction), 0.0, tireless(2.0), 1
-    )
+    ground = Ground(friction, friction)
+    fleet = Fleet(compiled(parameters), np.zeros((1, 3)), ground, 0.0, tireless(2.0), 1)
     fleet.launch(twist)
     for _ in range(300):
         fleet.follow(np.zeros((1, 1, 2)))
@@ -124,9 +123,10 @@ def sliding_distance(speed, deceleration, step=0.005, rate=100.0):
 
     The engine integrates with the speed at the end of a step; grip decays at a finite rate.
     """
-    return (
-        speed**2 / 2 / deceleration - speed * step / 2 + deceleration / rate * (1 / rate - step) / 2
-    )
+    exact = speed**2 / 2 / deceleration
+    of_steps = speed * step / 2
+    of_grip = deceleration / rate * (1 / rate - step) / 2
+    return exact - of_steps + of_grip
 
 
 @pytest.mark.parametrize(
@@ -139,19 +139,21 @@ def test_locked_tracks_slide_as_far_as_coulomb_friction_allows(name, friction, s
     """
     parameters = load_parameters(name)[0]
     pose, robot = slid(parameters, friction, [speed, 0.0, 0.0])
-    pitch = friction * parameters.com_height * SINK / np.mean(robot.contact_points[:, 0] ** 2)
+    x, y = robot.contact_points.T
+    pitch = friction * parameters.com_height * SINK / np.mean(x**2)
     expected = sliding_distance(speed, 9.81 * friction) - parameters.com_height * pitch
     harder = 5e-4 if name == "shipped" else 1e-4  # tracks that slide fast press harder at first
     assert pose[0] == pytest.approx(expected, abs=harder, rel=4e-3)
     np.testing.assert_allclose(pose[1:], 0.0, atol=1e-5)
+
     pose, _ = slid(parameters, friction, [0.0, 0.0, speed])
     chassis = robot.model.body("chassis")
-    inertia = (
-        Rotation.from_quat(chassis.iquat, scalar_first=True).as_matrix()[2] ** 2 @ chassis.inertia
-    )
-    moment = friction * robot.mass * 9.81 * np.hypot(*robot.contact_points.T).mean()
+    principal_axes = Rotation.from_quat(chassis.iquat, scalar_first=True).as_matrix()
+    inertia = principal_axes[2] ** 2 @ chassis.inertia  # about the vertical
+    moment = friction * robot.mass * 9.81 * np.hypot(x, y).mean()
+    expected = sliding_distance(speed, moment / inertia)
     harder = 4e-4 if name == "shipped" else 1e-4
-    assert pose[2] == pytest.approx(sliding_distance(speed, moment / inertia), abs=harder, rel=1e-3)
+    assert pose[2] == pytest.approx(expected, abs=harder, rel=1e-3)
     np.testing.assert_allclose(pose[:2], 0.0, atol=1e-5)
 
 
@@ -171,11 +173,13 @@ SHEARING = [
 
 
 def known(fleet, rows=slice(None)):
-    drive, shear = fleet.drive, fleet.shear
-    of_drive = drive.omega, drive.angle, drive.torque, drive.energy, drive.saturated_time
-    of_ground = () if shear is None else (shear.displacement, shear.share)
-    of_bodies = fleet.pose(), fleet.twist(), fleet.attitude(), fleet.friction(), fleet.batch.state
-    return [np.array(values)[rows] for values in (*of_drive, *of_ground, *of_bodies)]
+    """All that is known of the robots in some rows."""
+    drive = fleet.drive
+    values = [drive.omega, drive.angle, drive.torque, drive.energy, drive.saturated_time]
+    if fleet.shear is not None:
+        values += [fleet.shear.displacement, fleet.shear.share]
+    values += [fleet.pose(), fleet.twist(), fleet.attitude(), fleet.friction(), fleet.batch.state]
+    return [np.array(each)[rows] for each in values]
 
 
 @pytest.mark.parametrize("grounds", [COULOMB, SHEARING], ids=["Coulomb", "shear"])
@@ -185,10 +189,10 @@ def test_robots_drive_the_same_however_they_are_stepped(robot, grounds):
     start = np.array([[0.1 * k, 0.0, 3.0 + 0.2 * k] for k in range(4)])  # some turn through pi
 
     def driven(rows, threads, steps):
-        weak, shears = Drive(torque_limit=3.0), grounds is SHEARING
-        fleet = Fleet(
-            robot, start[rows], [grounds[k] for k in rows], 0.01, weak, threads, shears=shears
-        )
+        weak = Drive(torque_limit=3.0)
+        shears = grounds is SHEARING
+        of_rows = [grounds[k] for k in rows]
+        fleet = Fleet(robot, start[rows], of_rows, 0.01, weak, threads, shears=shears)
         for sign in (1.0, -0.7, 0.7):  # at last the belts are at their set points to the last bit
             fleet.command(sign * commands[rows])
             for step in steps:
@@ -197,9 +201,12 @@ def test_robots_drive_the_same_however_they_are_stepped(robot, grounds):
 
     together = driven(range(4), 2, [0.15])
     assert together[4].max() > 0.05
-    for values in (driven(range(4), 1, [0.01] * 15), driven(range(4), 2, [0.07, 0.01, 0.07])):
-        assert_same(together, values)
-    assert_same([values[2:3] for values in together], driven([2], 1, [0.05] * 3))
+    on_one_thread = driven(range(4), 1, [0.01] * 15)
+    assert_same(together, on_one_thread)
+    in_uneven_steps = driven(range(4), 2, [0.07, 0.01, 0.07])
+    assert_same(together, in_uneven_steps)
+    alone = driven([2], 1, [0.05] * 3)
+    assert_same([values[2:3] for values in together], alone)
 
 
 # yaw, then nose down, then leaning to the right
@@ -208,10 +215,10 @@ TURNED = Rotation.from_euler("ZYX", EULER)
 
 
 def states(turned):
+    """States at rest at the origin, turned."""
     quaternion = turned.as_quat(scalar_first=True)
-    return States(
-        np.concatenate([np.zeros((*quaternion.shape[:-1], 3)), quaternion], axis=-1), np.zeros(6)
-    )
+    position = np.zeros((*quaternion.shape[:-1], 3))
+    return States(np.concatenate([position, quaternion], axis=-1), np.zeros(6))
 
 
 def test_attitude_is_that_of_the_rotation_left_up_leans_right():
@@ -235,8 +242,9 @@ def weight_offset(parameters):
     its heavier side.
     """
     height = parameters.com_height
-    x = parameters.com_x / (1 - height * SINK / (parameters.contact_length**2 / 12))
-    return x, parameters.com_y / (1 - height * SINK / parameters.half_gauge**2)
+    leaning_forwards = height * SINK / (parameters.contact_length**2 / 12)
+    leaning_aside = height * SINK / parameters.half_gauge**2
+    return parameters.com_x / (1 - leaning_forwards), parameters.com_y / (1 - leaning_aside)
 
 
 @pytest.mark.filterwarnings("ignore::trackslip.errors.RobotWarning")
@@ -256,23 +264,25 @@ def test_robots_of_any_shape_stand_and_turn_as_theory_says(shape):
     them.
     """
     parameters = RobotParameters(**shape)
-    robot, gauge = load_robot(parameters=parameters), 2 * parameters.half_gauge
+    robot = load_robot(parameters=parameters)
+    gauge = 2 * parameters.half_gauge
     assert robot.geometry.half_gauge == pytest.approx(parameters.half_gauge)
     assert robot.geometry.sprocket_radius == parameters.sprocket_radius
     assert robot.mass == pytest.approx(parameters.mass)
     surface = 0.1 + np.array([[-0.1, 0.1], [0.2, -0.2]]) * min(gauge, 0.4)
     fleet = Fleet(robot, np.zeros((2, 3)), Ground(0.6, 0.7), 0.0, STRONG)
     np.testing.assert_allclose(fleet.attitude()[:, 0], SINK, rtol=0.01)
-    left = (1 + weight_offset(parameters)[1] / parameters.half_gauge) / 2
+    weight_x, weight_y = weight_offset(parameters)
+    left = (1 + weight_y / parameters.half_gauge) / 2
     weight = parameters.mass * 9.81
-    np.testing.assert_allclose(fleet.load(), [[left * weight, (1 - left) * weight]] * 2, rtol=5e-3)
+    load = [left * weight, (1 - left) * weight]
+    np.testing.assert_allclose(fleet.load(), [load, load], rtol=5e-3)
     fleet.command(surface / parameters.sprocket_radius)
     fleet.advance(4.0)
     # the contact points as they are, and the weight where it leans to
-    centre = (*weight_offset(parameters), parameters.com_height)
-    contact = line_contact(
-        parameters.half_gauge, parameters.contact_length / 2, 0.6, 0.7, centre, POINTS
-    )
+    centre = (weight_x, weight_y, parameters.com_height)
+    half_length = parameters.contact_length / 2
+    contact = line_contact(parameters.half_gauge, half_length, 0.6, 0.7, centre, POINTS)
     expected = steady_twist(surface, contact, 9.81)
     twist = fleet.twist()
     np.testing.assert_allclose(twist[:, 0], expected[:, 0], rtol=3e-3)
@@ -285,16 +295,16 @@ def test_robots_do_not_park_where_they_would_tip_over(robot, heading):
     15.3 cm back.
     """
     tips = float(np.arctan(np.abs(robot.contact_points[:, 0]).max() / 0.12))
-    with pytest.raises(
-        InvalidValueError, match=r"slope = 1\.\d+: must be less, to park .* the robot tips over"
-    ):
-        Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=1.15 * tips))
-    with pytest.raises(
-        InvalidValueError, match=r"radius_error = \[2.0\]: must be from -0.5 to 0.5"
-    ):
-        # meant in percent
-        Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=0.7 * tips), radius_error=2.0)
-    Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=0.7 * tips))
+    start = [(0.0, 0.0, heading)]
+    too_steep = Ground(8.0, 8.0, slope=1.15 * tips)
+    steep = Ground(8.0, 8.0, slope=0.7 * tips)
+    said = r"slope = 1\.\d+: must be less, to park .* the robot tips over"
+    with pytest.raises(InvalidValueError, match=said):
+        Fleet(robot, start, too_steep)
+    said = r"radius_error = \[2.0\]: must be from -0.5 to 0.5"  # meant in percent
+    with pytest.raises(InvalidValueError, match=said):
+        Fleet(robot, start, steep, radius_error=2.0)
+    Fleet(robot, start, steep)
 
 
 def test_robots_do_not_park_where_one_track_slides(robot):
@@ -303,9 +313,8 @@ def test_robots_do_not_park_where_one_track_slides(robot):
     """
     patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.1, 0.1)
     ground = Ground(0.7, 0.7, slope=0.3, patches=(patch,))
-    with pytest.raises(
-        InvalidValueError, match=r"slope = 0\.3: must be less, to park .* the robot slides"
-    ):
+    said = r"slope = 0\.3: must be less, to park .* the robot slides"
+    with pytest.raises(InvalidValueError, match=said):
         Fleet(robot, np.zeros((1, 3)), ground)
     Fleet(robot, np.zeros((1, 3)), Ground(0.7, 0.7, slope=0.15, patches=(patch,)))
 
@@ -315,14 +324,13 @@ def test_a_run_that_tips_over_names_itself_and_keeps_its_rows(robot):
     feed = ScannerFeed(LaserScanner(), fleet)
     fleet.set_ground([Ground(), Ground(8.0, 8.0, slope=1.4)])
     names = [Description("level"), Description("steep")]
-    with pytest.raises(
-        RunFailedError, match=r"^run 'steep': the robot tips over after \d\.\d+ s$"
-    ) as failure:
+    said = r"^run 'steep': the robot tips over after \d\.\d+ s$"
+    with pytest.raises(RunFailedError, match=said) as failure:
         open_loop(fleet, [1.0, 1.0], 4.0, feed, PlateLocator(robot.plate), names)
-    fallen = float(str(failure.value).split()[-2])
+    *_, fallen, _ = str(failure.value).split()
     level, steep = failure.value.logs
     for log in (level, steep):
-        assert log.time[-1] == pytest.approx(fallen - feed.period)
+        assert log.time[-1] == pytest.approx(float(fallen) - feed.period)
         assert log.scans is not None
         assert len(log.scans.cluster.count) == len(log.time)
     assert level.is_valid.all()

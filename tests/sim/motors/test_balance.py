@@ -14,7 +14,8 @@ TOLERANCE = 1e-6
 
 
 def balance(start, goal, law=MOTOR, limit=8.0):
-    start, goal = (np.atleast_2d(np.asarray(each, float)) for each in (start, goal))
+    start = np.atleast_2d(np.asarray(start, float))
+    goal = np.atleast_2d(np.asarray(goal, float))
     full = np.full_like(goal, 1.0)
     zero = np.zeros_like(goal)
     return Balance(law, limit * full, INERTIA * full, start, goal, zero, TOLERANCE * full)
@@ -22,13 +23,16 @@ def balance(start, goal, law=MOTOR, limit=8.0):
 
 def solved(equations, load):
     """The solution on a ground with the loads `load` (A, T) at speeds (A, T)."""
-    slope = np.tile(np.eye(equations.goal.shape[1]), (len(equations.goal), 1, 1))
+    robots, sprockets = equations.goal.shape
+    slope = np.tile(np.eye(sprockets), (robots, 1, 1))
     solution, _ = equations.solve(equations.goal, slope, lambda _, omega: load(omega))
     return solution
 
 
 def needed(equations, load, omega):
-    return INERTIA * (omega - equations.start) + equations.law.loss(omega) + load(omega)
+    """Torques (A, T) that reach speeds (A, T) at the end of the step."""
+    of_inertia = INERTIA * (omega - equations.start)
+    return of_inertia + equations.law.loss(omega) + load(omega)
 
 
 def coulomb(weight, grip=200.0):

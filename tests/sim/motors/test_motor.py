@@ -40,22 +40,27 @@ def test_what_reaches_a_belt_is_less_by_the_friction():
 
 
 def test_power_is_that_of_the_shaft_and_of_the_winding():
-    current = 4.0 / (MOTOR.gear * MOTOR.torque_constant)
-    shaft, winding = 4.0 * 2.0, MOTOR.resistance * current**2
+    torque_per_current = MOTOR.gear * MOTOR.torque_constant
+    current = 4.0 / torque_per_current
+    shaft = 4.0 * 2.0
+    winding = MOTOR.resistance * current**2
     assert MOTOR.power(np.array(4.0), np.array(2.0)) == pytest.approx(shaft + winding)
     # at full voltage and the torque of the line, the battery gives voltage times current
-    torque = MOTOR.limits(np.array(3.0), np.inf)[1]
-    current = torque / (MOTOR.gear * MOTOR.torque_constant)
+    _, torque = MOTOR.limits(np.array(3.0), np.inf)
+    current = torque / torque_per_current
     assert MOTOR.power(torque, np.array(3.0)) == pytest.approx(MOTOR.voltage * current)
 
 
 def test_a_tireless_drive_takes_the_power_of_its_shaft():
     drive = tireless()
-    assert drive.limits(np.array(9.0))[1] == 1e6
-    assert drive.motor.loss(np.array(9.0)) == 0.0
-    assert drive.motor.power(np.array(50.0), np.array(9.0)) == pytest.approx(450.0, rel=1e-4)
+    omega = np.array(9.0)
+    _, largest = drive.limits(omega)
+    assert largest == 1e6
+    assert drive.motor.loss(omega) == 0.0
+    assert drive.motor.power(np.array(50.0), omega) == pytest.approx(50.0 * 9.0, rel=1e-4)
 
 
 def test_even_torque_is_the_limit_at_any_speed():
     smallest, largest = EvenTorque().limits(np.array([-9.0, 0.0, 9.0]), 2.0)
-    np.testing.assert_array_equal([smallest, largest], [[-2.0] * 3, [2.0] * 3])
+    np.testing.assert_array_equal(smallest, [-2.0, -2.0, -2.0])
+    np.testing.assert_array_equal(largest, [2.0, 2.0, 2.0])

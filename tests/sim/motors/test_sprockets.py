@@ -18,7 +18,8 @@ def on_slope(robot, slope, drive):
 
 
 def torque_of_weight(robot, slope):
-    return robot.mass * GRAVITY * np.sin(slope) / 2 * robot.geometry.sprocket_radius
+    force = robot.mass * GRAVITY * np.sin(slope) / 2
+    return force * robot.geometry.sprocket_radius
 
 
 @pytest.mark.parametrize(("slope", "limit", "period"), [(0.3, 1.0, 0.005), (0.15, 0.6, 0.01)])
@@ -29,14 +30,15 @@ def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, li
     fleet = on_slope(robot, slope, Drive(torque_limit=limit, period=period))
     radius = robot.geometry.sprocket_radius
     inert = robot.mass + 2 * MOTOR.inertia / radius**2
-    expected = -2 * (torque_of_weight(robot, slope) - limit - MOTOR.friction) / radius / inert
+    missing = torque_of_weight(robot, slope) - limit - MOTOR.friction
+    acceleration = -2 * missing / radius / inert
     fleet.advance(0.5)
     before = fleet.twist()[0, 0]
     fleet.advance(0.5)
-    assert fleet.twist()[0, 0] - before == pytest.approx(0.5 * expected, rel=0.01)
-    np.testing.assert_allclose(
-        fleet.drive.torque, limit, atol=0.001 * limit + 0.0002 * robot.mass * GRAVITY * 0.06
-    )
+    gained = fleet.twist()[0, 0] - before
+    assert gained == pytest.approx(0.5 * acceleration, rel=0.01)
+    tolerance = 0.001 * limit + 0.0002 * robot.mass * GRAVITY * 0.06
+    np.testing.assert_allclose(fleet.drive.torque, limit, atol=tolerance)
     np.testing.assert_allclose(fleet.drive.saturated_time, 1.0, atol=0.02)
 
 
@@ -51,10 +53,13 @@ def test_power_of_a_steady_turn_is_what_is_dissipated(robot):
     fleet.advance(1.0)
     power = (fleet.drive.energy - before).sum(axis=1)
     x, y = robot.contact_points.T
-    belts = np.where(y > 0, fleet.drive.omega[:, :1], fleet.drive.omega[:, 1:]) * 0.06 * (1 + error)
+    left = fleet.drive.omega[:, :1]
+    right = fleet.drive.omega[:, 1:]
+    belts = np.where(y > 0, left, right) * 0.06 * (1 + error)
     v, u, w = fleet.twist().T[:, :, None]
-    sliding = np.hypot(ground.along * (v - w * y - belts), ground.across * (u + w * x))
-    in_ground = robot.mass * GRAVITY * sliding.mean(axis=1)
+    along = ground.along * (v - w * y - belts)
+    across = ground.across * (u + w * x)
+    in_ground = robot.mass * GRAVITY * np.hypot(along, across).mean(axis=1)
     in_gear = (MOTOR.loss(fleet.drive.omega) * fleet.drive.omega).sum(axis=1)
     current = fleet.drive.torque / (MOTOR.gear * MOTOR.torque_constant)
     in_winding = (MOTOR.resistance * current**2).sum(axis=1)
@@ -65,10 +70,9 @@ def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
     """The right motor can't slide its track: it pushes all it can, and the left one brakes it to
     its own set point.
     """
-    strong, weak = (
-        Fleet(robot, np.zeros((1, 3)), radius_error=0.0, drive=Drive(torque_limit=limit))
-        for limit in (8.0, 1.5)
-    )
+    start = np.zeros((1, 3))
+    strong = Fleet(robot, start, radius_error=0.0, drive=Drive(torque_limit=8.0))
+    weak = Fleet(robot, start, radius_error=0.0, drive=Drive(torque_limit=1.5))
     for fleet in (strong, weak):
         fleet.command([2.0, 3.0])
         fleet.advance(2.0)
@@ -98,7 +102,8 @@ def run_free(state, periods):
 @pytest.mark.parametrize("lag", [0.003, 0.05, 0.58])
 def test_speed_and_angle_follow_a_lag_exactly(lag):
     drive = Drive(lag=lag)
-    whole, pieces = Sprockets(drive, 1, 0.06), Sprockets(drive, 1, 0.06)
+    whole = Sprockets(drive, 1, 0.06)
+    pieces = Sprockets(drive, 1, 0.06)
     for state in (whole, pieces):
         state.command(np.array([[2.0, -1.0]]))
     periods = 0

@@ -1,7 +1,17 @@
 import numpy as np
 import pytest
 
-from sim import Fleet, Ground, Pilot, Pull, Randomization, RobotParameters, closed_loop
+from sim import (
+    Drive,
+    Fleet,
+    Ground,
+    LaserScanner,
+    Pilot,
+    Pull,
+    Randomization,
+    RobotParameters,
+    closed_loop,
+)
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import NAMED_GROUNDS
 from sim.path_tracking.config import TrackingReward
@@ -22,19 +32,22 @@ def test_episodes_differ_within_their_ranges():
     )
     episodes = [env.task.draw(np.random.default_rng(seed), {}) for seed in range(200)]
     setups = [episode.setup for episode in episodes]
-    for name, low, high in (("radius_error", *drawn.radius_error), ("lag", *drawn.lag)):
+    for name in ("radius_error", "lag"):
+        low, high = getattr(drawn, name)
         values = [getattr(setup, name) for setup in setups]
-        assert low <= min(values) < low + 0.1 * (high - low)
-        assert high - 0.1 * (high - low) < max(values) <= high
+        tenth = 0.1 * (high - low)
+        assert low <= min(values) < low + tenth
+        assert high - tenth < max(values) <= high
     assert {episode.latency for episode in episodes} == {0, 1, 2}
     assert {episode.reference for episode in episodes} == {0, 1}
     assert {len(setup.ground.patches) for setup in setups} == {0, 1, 2, 3}
     assert {setup.ground.along for setup in setups} == {0.70, 0.12}
     assert max(setup.ground.slope for setup in setups) > 0.08
     for setup, episode in zip(setups, episodes, strict=True):
-        start = env.task.table.path(episode.reference)[0]
-        assert np.hypot(*(np.array(setup.start) - start)[:2]) <= 0.2
-        assert abs(wrap_angle(setup.start[2] - start[2])) <= 0.3
+        start, *_ = env.task.table.path(episode.reference)
+        x, y, heading = np.array(setup.start) - start
+        assert np.hypot(x, y) <= 0.2
+        assert abs(wrap_angle(heading)) <= 0.3
 
 
 UPHILL = Ground(slope=0.1745, uphill=np.pi / 2, shear=0.01)
@@ -48,17 +61,17 @@ def test_a_controller_keeps_the_path_as_it_does_elsewhere(
     robot, compensation, ground, pull, tmp_path
 ):
     """The classical controller of the closed loop, through the environment's eyes and hands."""
-    laws, path = tmp_path / "laws.json", tmp_path / "arc.csv"
+    laws = tmp_path / "laws.json"
+    path = tmp_path / "arc.csv"
     under_load = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
     save_laws(laws, load_laws() | {"icr_load": under_load}, robot.geometry)
-    path.write_text(
-        "x,y\n"
-        + "".join(f"{0.8 * np.sin(a)},{0.8 - 0.8 * np.cos(a)}\n" for a in np.linspace(0, 0.6, 7))
-    )
+    angles = np.linspace(0, 0.6, 7)
+    points = [f"{0.8 * np.sin(a)},{0.8 - 0.8 * np.cos(a)}\n" for a in angles]
+    path.write_text("x,y\n" + "".join(points))
     reference = load_reference(path)
     fleet = Fleet(robot, reference.pose([0.0]), ground, pull=pull)
     pilot = Pilot(LinearTimeVarying(), [0], named_compensation(compensation, robot.geometry, laws))
-    log = closed_loop(fleet, [pilot], reference)[0]
+    (log,) = closed_loop(fleet, [pilot], reference)
     options = {"action": "twist", "compensation": compensation, "laws": str(laws), "pull": pull}
     drawn = Randomization(shear=(ground.shear, ground.shear))
     env = PathTrackingEnv(**options, reference=str(path), randomization=drawn)
@@ -100,9 +113,12 @@ def test_observations_of_a_known_case():
     env = PathTrackingEnv(previews=2, preview_spacing=0.5, reference="circle")
     observation, info = env.reset(seed=0, options={"start_error": (-0.1, 0.2, 0.5)})
     # it starts at constant speed; the robot is behind, to the left and turned to the left
-    cos, sin = np.cos(0.5), np.sin(0.5)
+    cos = np.cos(0.5)
+    sin = np.sin(0.5)
     error = np.array([cos * 0.1 - sin * 0.2, -sin * 0.1 - cos * 0.2])
-    expected = [*error / 0.5, -0.5 / np.pi, *[0.15 / 0.3, 0.15 / 1.0] * 3, 0, 0, 0, 0]
+    reference_twist = [0.15 / 0.3, 0.15 / 1.0]
+    previews = [*reference_twist, *reference_twist, *reference_twist]
+    expected = [*error / 0.5, -0.5 / np.pi, *previews, 0, 0, 0, 0]
     np.testing.assert_allclose(observation, expected, atol=1e-6)
     np.testing.assert_allclose(info["true_error"], [*error, -0.5], atol=1e-9)
     assert info["true_slip"].tolist() == [0, 0]
@@ -118,12 +134,11 @@ def test_observations_of_a_known_case():
 def test_the_end_truncates_and_leaving_the_path_terminates(tmp_path):
     path = tmp_path / "line.csv"
     path.write_text("x,y\n0,0\n0.3,0\n0.7,0\n")
-    env, reference = (
-        PathTrackingEnv(reference=str(path), off_path=0.55, action="twist"),
-        load_reference(path),
-    )
+    env = PathTrackingEnv(reference=str(path), off_path=0.55, action="twist")
+    reference = load_reference(path)
     _, info = env.reset(seed=0)
-    steps, ended = 0, False
+    steps = 0
+    ended = False
     while not ended:
         twist = reference.twist(info["time"]) / [0.3, 1.0]
         _, _, terminated, ended, info = env.step(twist.astype(np.float32))
@@ -136,16 +151,17 @@ def test_the_end_truncates_and_leaving_the_path_terminates(tmp_path):
         before = info
         _, reward, terminated, truncated, info = env.step(np.zeros(2, np.float32))
         assert not truncated
-    assert np.hypot(*before["true_error"][:2]) <= 0.55 < np.hypot(*info["true_error"][:2])
+    distance_before = np.hypot(*before["true_error"][:2])
+    distance = np.hypot(*info["true_error"][:2])
+    assert distance_before <= 0.55 < distance
     assert reward < -8
     assert info["reward_termination"] == -10
     assert not info["success"]
 
 
 def test_rewards_are_the_sum_of_their_terms():
-    env = PathTrackingEnv(
-        reward=TrackingReward(weight_position=2.0, heading_scale=0.1), reference="slalom"
-    )
+    weights = TrackingReward(weight_position=2.0, heading_scale=0.1)
+    env = PathTrackingEnv(reward=weights, reference="slalom")
     env.reset(seed=0, options={"start_error": (0.1, 0.1, 0.2)})
     env.action_space.seed(0)
     previous = np.zeros(2)
@@ -153,44 +169,104 @@ def test_rewards_are_the_sum_of_their_terms():
         action = env.action_space.sample()
         _, reward, _, _, info = env.step(action)
         x, y, phi = info["true_error"]
-        place, turn = (x**2 + y**2) / 0.05**2, (phi / 0.1) ** 2
+        place = (x**2 + y**2) / 0.05**2
+        turn = (phi / 0.1) ** 2
+        change = np.mean((action.astype(float) - previous) ** 2) / 4
         assert info["reward_alive"] == 1
         assert info["reward_position"] == pytest.approx(-2 * place / (1 + place))
         assert info["reward_heading"] == pytest.approx(-0.2 * turn / (1 + turn))
-        assert info["reward_change"] == pytest.approx(
-            -0.1 * np.mean((action.astype(float) - previous) ** 2) / 4
-        )
-        assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in TrackingReward.TERMS))
+        assert info["reward_change"] == pytest.approx(-0.1 * change)
+        terms = [info[f"reward_{term}"] for term in TrackingReward.TERMS]
+        assert reward == pytest.approx(sum(terms))
         previous = action.astype(float)
 
 
 def test_an_action_arrives_after_the_latency():
     env = PathTrackingEnv()
+    action = np.array([0.2, 0.2], np.float32)
     for latency in (0, 1, 2):
         env.reset(seed=0, options={"latency": latency})
-        arrived = [env.step(np.array([0.2, 0.2], np.float32))[-1]["set_point"][0] for _ in range(4)]
-        np.testing.assert_allclose(arrived, [0.0] * latency + [1.0] * (4 - latency), atol=1e-6)
+        arrived = []
+        for _ in range(4):
+            *_, info = env.step(action)
+            arrived.append(info["set_point"][0])
+        expected = [0.0] * latency + [1.0] * (4 - latency)
+        np.testing.assert_allclose(arrived, expected, atol=1e-6)
 
 
 def test_options_ask_for_what_is_not_to_be_drawn():
     env = PathTrackingEnv(randomization="typical", robot=RobotParameters(half_gauge=0.2))
     assert env.task.fleet.robot.geometry.half_gauge == 0.2
     ground = Ground(0.4, 0.6)
-    _, info = env.reset(
-        seed=1, options={"ground": ground, "start_error": (0, 0, 0), "com": (0.01, 0.0)}
-    )
+    given = {"ground": ground, "start_error": (0, 0, 0), "com": (0.01, 0.0)}
+    _, info = env.reset(seed=1, options=given)
     np.testing.assert_allclose(info["friction"], [0.4, 0.6])
     np.testing.assert_allclose(info["true_error"], 0, atol=1e-9)
+    too_far = r"start_error = 0\.5.*: must be at most 0.5 m, which is off_path"
     for options, message in (
         ({"reference": "moon"}, "moon"),
         ({"latency": 3}, "latency"),
-        (
-            {"start_error": (0.3, -0.5, 0.0)},
-            r"start_error = 0\.5.*: must be at most 0.5 m, which is off_path",
-        ),
+        ({"start_error": (0.3, -0.5, 0.0)}, too_far),
         ({"com": (1.0, 0.0)}, "com_x"),
         ({"ground": Ground(0.2, 0.2, slope=0.3)}, "slope"),
         ({"ground": "clay"}, r"ground\.shear = 0\.006: must be 0 in an environment"),
     ):
         with pytest.raises(InvalidValueError, match=message):
             env.reset(options=options)
+
+
+@pytest.mark.parametrize("compensation", ["icr_radius", "online", "none"])
+def test_out_of_sight_the_law_in_use_predicts_the_pose(compensation):
+    """Feedforward out of the scanner's range: what is observed is dead reckoning."""
+    env = PathTrackingEnv(
+        reference="circle",
+        action="twist",
+        compensation=compensation,
+        pose_source="scanner",
+        scanner=LaserScanner(max_range=0.5),
+        off_path=5.0,
+    )
+    env.reset(seed=0)
+    reference = load_reference("circle")
+    for k in range(500):
+        twist = reference.twist(0.05 * k)
+        *_, info = env.step((twist / [0.3, 1.0]).astype(np.float32))
+    error = np.hypot(*(info["measured_pose"] - info["true_pose"])[:2])
+    assert (error < 0.01) == (compensation != "none")
+
+
+def test_states_include_what_was_driven_out_of_sight():
+    options = {
+        "reference": "circle",
+        "action": "twist",
+        "compensation": "online",
+        "pose_source": "scanner",
+        "scanner": LaserScanner(max_range=0.5),
+    }
+    env = PathTrackingEnv(**options)
+    env.reset(seed=0)
+    ahead = np.array([0.5, 0.1], np.float32)
+    for _ in range(20):
+        env.step(ahead)
+    other = PathTrackingEnv(**options)
+    other.reset(seed=1)
+    other.unwrapped.set_state(env.unwrapped.get_state())
+    for _ in range(20):
+        expected, found = (each.step(ahead)[0] for each in (env, other))
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_references_that_are_faster_than_the_robot_are_refused():
+    slow = RobotParameters(drive=Drive(top_speed=0.19))
+    fits = PathTrackingEnv(reference="paper", robot=slow)
+    message = "reference = 'slalom': must be slow enough for the robot, at most 0.142 instead of"
+    with pytest.raises(InvalidValueError, match=message):
+        PathTrackingEnv(reference=("paper", "slalom"), robot=slow)
+    with pytest.raises(InvalidValueError, match=message):
+        fits.reset(seed=0, options={"reference": "slalom"})
+    narrower = RobotParameters(drive=Drive(top_speed=0.205))
+    PathTrackingEnv(reference="slalom", robot=narrower)
+    with pytest.raises(InvalidValueError, match="reference = 'slalom'"):
+        PathTrackingEnv(
+            reference="slalom", robot=narrower, action="twist", compensation="icr_radius"
+        )

@@ -212,10 +212,12 @@ def test_files_outside_of_the_models_folders_are_refused(build, tmp_path, text, 
 def test_meshes_outside_of_the_models_folders_are_refused(build, tmp_path, kind):
     (tmp_path.parent / "outside.obj").write_text(CUBE)
     for file in ("../../outside.obj", str(tmp_path.parent / "outside.obj")):
-        text, name = mjcf(f"<asset>{MESH[0].format(file)}</asset>", MESH[1]), "robot.xml"
+        text = mjcf(f"<asset>{MESH[0].format(file)}</asset>", MESH[1])
+        name = "robot.xml"
         if kind == "urdf":
             shape = f'<collision><geometry><mesh filename="{file}"/></geometry></collision>'
-            text, name = URDF.format(shape, ""), "robot.urdf"
+            text = URDF.format(shape, "")
+            name = "robot.urdf"
         with pytest.raises(
             TrackslipError, match=r"needs .*outside\.obj to collide .* lists in `pa"
         ):
@@ -341,7 +343,9 @@ def test_files_are_measured_before_they_are_read(build, tmp_path, text, content,
 
 @pytest.mark.parametrize("faces", [0, 11, 13, 2**31, 2**32 - 1])
 def test_an_stl_with_a_false_number_of_faces_is_refused(build, tmp_path, faces):
-    content = b"\0" * 80 + struct.pack("<I", faces) + struct.pack("<12fH", *[0.5] * 12, 0) * 12
+    header = b"\0" * 80
+    face = struct.pack("<12fH", *[0.5] * 12, 0)
+    content = header + struct.pack("<I", faces) + face * 12
     (tmp_path / "m" / "a.stl").write_bytes(content)
     with pytest.raises(TrackslipError, match=r"doesn't read such an \.stl \(ASCII, damaged, or"):
         build(mjcf(f"<asset>{MESH[0].format('a.stl')}</asset>", MESH[1]))

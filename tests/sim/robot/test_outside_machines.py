@@ -41,7 +41,8 @@ def on_arm(folder, text="", bodies=FREE_LINKS, more=""):
 def start_of(file, *joints):
     """Angles of joints at their start, after which nothing may move much or gain energy."""
     built = build_tracked(load_tracked(file))
-    model, data = built.model, standing(built)
+    model = built.model
+    data = standing(built)
     start = [data.joint(name).qpos[0] for name in joints]
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     data.qpos[built.free[0] + 2] += 0.001
@@ -92,15 +93,26 @@ def test_a_coupling_holds_after_its_references_moved(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "rules", "said"),
+    ("bodies", "rules", "said"),
     [
-        ("", "", "j1 = -1.0\nj2 = 0.3\n", r"j2 = 0\.3: must be 1\.5, as 'j1', which leads it, is"),
-        ("", ' range="-30 30"', "j1 = -1.0\n", r"j1 = -1: puts 'j2', .* limits, -0\.5236 to"),
-        (' range="0 60"', "", "j2 = 1.5\n", r"j2 = 1\.5: must be an angle to which 'j1', which"),
+        (
+            FREE_LINKS,
+            "j1 = -1.0\nj2 = 0.3\n",
+            r"j2 = 0\.3: must be 1\.5, as 'j1', which leads it, is",
+        ),
+        (
+            TWO_LINKS.format(first="", second=' range="-30 30"'),
+            "j1 = -1.0\n",
+            r"j1 = -1: puts 'j2', .* limits, -0\.5236 to",
+        ),
+        (
+            TWO_LINKS.format(first=' range="0 60"', second=""),
+            "j2 = 1.5\n",
+            r"j2 = 1\.5: must be an angle to which 'j1', which",
+        ),
     ],
 )
-def test_rules_that_contradict_a_coupling_are_refused(tmp_path, first, second, rules, said):
-    bodies = TWO_LINKS.format(first=first, second=second)
+def test_rules_that_contradict_a_coupling_are_refused(tmp_path, bodies, rules, said):
     file = on_arm(tmp_path, f"[joints]\n{rules}", bodies, COUPLED)
     with pytest.raises(TrackslipError, match=said):
         build_tracked(load_tracked(file))
@@ -111,29 +123,34 @@ def test_rules_that_contradict_a_coupling_are_refused(tmp_path, first, second, r
 )
 def test_a_follower_that_no_rule_moves_stays_in_its_limits(tmp_path, first, start):
     bodies = TWO_LINKS.format(first=first, second=' range="21.3 60"')
-    assert start_of(on_arm(tmp_path, "", bodies, COUPLED), "j1", "j2") == pytest.approx(
-        start, abs=1e-3
-    )
+    file = on_arm(tmp_path, "", bodies, COUPLED)
+    assert start_of(file, "j1", "j2") == pytest.approx(start, abs=1e-3)
+
+
+def height_of_mass(facts):
+    """Height of the centre of mass in a check, after "… m left, " [m]."""
+    _, _, height = facts["mass"].partition("left, ")
+    return float(height.split(" m")[0])
 
 
 def test_a_check_says_the_angles_of_coupled_joints(tmp_path):
-    facts = dict(check(on_arm(tmp_path, "[joints]\nj1 = -1.0\n", more=COUPLED)).facts)
-    assert facts["joints that hold"] == "j1 at -1, j2 at 1.5"
-    low = float(facts["mass"].split("left, ")[1].split(" m")[0])
+    lifted = dict(check(on_arm(tmp_path, "[joints]\nj1 = -1.0\n", more=COUPLED)).facts)
+    assert lifted["joints that hold"] == "j1 at -1, j2 at 1.5"
     level = dict(check(on_arm(tmp_path)).facts)
-    assert low > float(level["mass"].split("left, ")[1].split(" m")[0]) + 0.02
+    assert height_of_mass(lifted) > height_of_mass(level) + 0.02
 
 
 def on_struts(rule=""):
     """A box on wheels whose struts slide up and down, and its robot file."""
     parts = [box("base", 40, (0.8, 0.3, 0.2), (0, 0, 0.3))]
+    limits = LIMITS.format(-0.2, 0.2)
     for name, x, y in CORNERS:
-        parts.append(box(f"strut_{name}", 1, (0.04, 0.04, 0.1), (0, 0, 0.1)))
-        slide = (f"{name}_slide", "prismatic", "base", f"strut_{name}", (x, y, 0), "0 0 1")
-        parts.append(joint(*slide, more=LIMITS.format(-0.2, 0.2)))
-        parts.append(wheel(name, (0, 0, 0), f"strut_{name}"))
-    text = 'wheels = "replace"\ncontact = "wheels"\n'
-    return parts, f"{text}[joints]\n{rule}"
+        strut = f"strut_{name}"
+        slide = f"{name}_slide"
+        parts.append(box(strut, 1, (0.04, 0.04, 0.1), (0, 0, 0.1)))
+        parts.append(joint(slide, "prismatic", "base", strut, (x, y, 0), "0 0 1", more=limits))
+        parts.append(wheel(name, (0, 0, 0), strut))
+    return parts, f'wheels = "replace"\ncontact = "wheels"\n[joints]\n{rule}'
 
 
 @pytest.mark.parametrize("lift", [-0.08, 0.0, 0.08])
@@ -155,8 +172,10 @@ def on_wheels(*more):
 
 def rod(angle):
     """An arm on an endless hinge, lifted by an angle [rad]."""
-    hinge = ("shoulder", "continuous", "base", "rod", (0.1, 0.15, 0.4), "0 1 0", f"0 {-angle} 0")
-    return [box("rod", 3, (0.4, 0.04, 0.04), (0.2, 0, 0)), joint(*hinge)]
+    place = (0.1, 0.15, 0.4)
+    turn = f"0 {-angle} 0"
+    shoulder = joint("shoulder", "continuous", "base", "rod", place, "0 1 0", turn)
+    return [box("rod", 3, (0.4, 0.04, 0.04), (0.2, 0, 0)), shoulder]
 
 
 @pytest.mark.parametrize("angle", [0.0, np.pi / 8, np.pi / 4])
@@ -190,36 +209,49 @@ GIVEN = "y = 0.3\nhull = [[0, 0, 0.1]]\n"
 
 def steered(text, yaw):
     """A box with a rear axle, and a front axle that a joint steers."""
-    parts = [box("base", 40, (0.8, 0.3, 0.2), (0, 0, 0.3)), box("front", 1, (0.1, 0.1, 0.1))]
-    pivot = ("pivot", "revolute", "base", "front", (0.5, 0, 0), "0 0 1")
-    parts.append(joint(*pivot, more=LIMITS.format(-1, 1)))
-    for name, y in (("l", 0.3), ("r", -0.3)):
-        parts.append(wheel(f"f{name}", (0, y, 0), "front"))
-        parts.append(wheel(f"r{name}", (-0.5, y, 0)))
+    limits = LIMITS.format(-1, 1)
+    parts = [
+        box("base", 40, (0.8, 0.3, 0.2), (0, 0, 0.3)),
+        box("front", 1, (0.1, 0.1, 0.1)),
+        joint("pivot", "revolute", "base", "front", (0.5, 0, 0), "0 0 1", more=limits),
+        wheel("fl", (0, 0.3, 0), "front"),
+        wheel("fr", (0, -0.3, 0), "front"),
+        wheel("rl", (-0.5, 0.3, 0)),
+        wheel("rr", (-0.5, -0.3, 0)),
+    ]
     return parts, f"{text}[joints]\npivot = {yaw}\n"
 
 
 def steered_yaw_rate(yaw, speed):
-    """Yaw rate of least friction power of such a machine, whose wheels bear alike [rad/s]."""
+    """Yaw rate of least friction power of such a machine, whose wheels bear alike [rad/s].
+
+    A point p of a patch slips by v + w (-p_y, p_x) - `speed` * h, with the twist (v, w) of the
+    base and the heading h of its axle: ahead, or turned by the pivot.
+    """
+    ahead = np.array([1.0, 0.0])
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    pivot = np.array([0.5, 0.0])
     rear = np.array(patches([(-0.5, 0.3), (-0.5, -0.3)]))
-    front = np.array(patches([(0, 0.3), (0, -0.3)])) @ turn.T + [0.5, 0]
+    axle = np.array(patches([(0, 0.3), (0, -0.3)]))
+    front = axle @ turn.T + pivot
     points = np.concatenate([rear, front])
-    ahead = np.concatenate([np.tile([1.0, 0.0], (len(rear), 1)), np.tile(turn[:, 0], (20, 1))])
+    headings = np.repeat([ahead, turn @ ahead], [len(rear), len(front)], axis=0)
     arms = np.column_stack([-points[:, 1], points[:, 0]])
 
     def power(twist):
-        slip = twist[:2] + twist[2] * arms - speed * ahead
-        return np.hypot(slip[:, 0], slip[:, 1]).sum()
+        slip = twist[:2] + twist[2] * arms - speed * headings
+        return np.linalg.norm(slip, axis=1).sum()
 
     options = {"xatol": 1e-7, "fatol": 1e-9, "maxiter": 4000}
     first = [speed, 0.0, speed * yaw]
-    return scipy.optimize.minimize(power, first, method="Nelder-Mead", options=options).x[2]
+    found = scipy.optimize.minimize(power, first, method="Nelder-Mead", options=options)
+    return found.x[2]
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.3, -0.6])
 def test_tracks_on_a_steered_body_push_along_its_heading(tmp_path, yaw):
-    turned = drive(write(tmp_path, *steered(REAR + FRONT + GIVEN, yaw)), (0.1, 0.1))
+    file = write(tmp_path, *steered(REAR + FRONT + GIVEN, yaw))
+    turned = drive(file, (0.1, 0.1))
     expected = steered_yaw_rate(yaw, 0.1)
     assert turned.yaw_rate == pytest.approx(expected, rel=0.02, abs=1e-4)
 

@@ -4,6 +4,7 @@ in one line that says why and what to write.
 
 import warnings
 from dataclasses import replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -32,12 +33,31 @@ from trackslip.errors import RobotWarning, TrackslipError
 TURN = (-0.1, 0.1)
 SIX = ((0.5, 0.3), (0.0, 0.45), (-0.5, 0.3))
 """Places x, y of the left wheels of a rover [m]."""
-FLIPPERS = (("fl", "left", 1, 1), ("fr", "right", 1, -1), ("rl", "left", -1, 1))
-FLIPPERS += (("rr", "right", -1, -1),)
-"""Name, side, and signs of x and y of four flippers."""
 HINGED = LIMITS.format(-1.5, 1.5)
 REPLACED = 'wheels = "replace"\n'
 ON_WHEELS = REPLACED + 'contact = "wheels"\n'
+
+
+class Flipper(NamedTuple):
+    """A flipper, and the signs of the x and y of its hinge."""
+
+    name: str
+    side: str
+    x: int
+    y: int
+
+
+FLIPPERS = (
+    Flipper("fl", "left", x=1, y=1),
+    Flipper("fr", "right", x=1, y=-1),
+    Flipper("rl", "left", x=-1, y=1),
+    Flipper("rr", "right", x=-1, y=-1),
+)
+
+
+def of_both_sides(places):
+    """Places of wheels (x, y), left and right, from those of the left."""
+    return [(x, sign * y) for x, y in places for sign in (1, -1)]
 
 
 def rover(places, offset=0.0, mass=30, radius=0.1):
@@ -63,7 +83,8 @@ def turns_as_theory(file, points, within=0.005, preset="accurate"):
 def test_sides_lie_where_the_wheels_are(tmp_path, text):
     file = write(tmp_path, rover([(0.25, 0.3), (-0.25, 0.3)], offset=0.05), REPLACED + text)
     robot = load_tracked(file)
-    assert (robot.half_gauge, robot.offset) == (pytest.approx(0.3), pytest.approx(0.05))
+    assert robot.half_gauge == pytest.approx(0.3)
+    assert robot.offset == pytest.approx(0.05)
     stood = drive(file, duration=3.0)
     assert stood.load[0] == pytest.approx(stood.load[1], rel=1e-3)
     parameters, _ = load_parameters(str(file))
@@ -74,16 +95,16 @@ def test_each_axle_keeps_its_gauge(tmp_path):
     file = write(tmp_path, rover(SIX), ON_WHEELS)
     robot = load_tracked(file)
     assert robot.gear[0].aside == pytest.approx((-0.05, 0.1, -0.05))
-    turns_as_theory(file, patches([(x, sign * y) for x, y in SIX for sign in (1, -1)]))
-    with pytest.raises(
-        TrackslipError, match=r"axles have different half gauges, 0\.3, 0\.45, 0\.3"
-    ):
+    turns_as_theory(file, patches(of_both_sides(SIX)))
+    said = r"axles have different half gauges, 0\.3, 0\.45, 0\.3"
+    with pytest.raises(TrackslipError, match=said):
         load_parameters(str(file))
 
 
 def test_a_belt_around_unequal_axles_is_said(tmp_path):
+    file = write(tmp_path, rover(SIX), REPLACED)
     with pytest.warns(RobotWarning, match="different half gauges: l2 0.3, l1 0.45, l0 0.3 m; the"):
-        robot = load_tracked(write(tmp_path, rover(SIX), REPLACED))
+        robot = load_tracked(file)
     assert robot.half_gauge == pytest.approx(0.35)
 
 
@@ -106,10 +127,13 @@ def test_given_values_that_contradict_the_wheels_are_said(tmp_path, text, said):
         load_tracked(file)
 
 
-SIDEWAYS = [box("base", 60, (0.4, 1.0, 0.2), (0, 0, 0.2))]
-SIDEWAYS += [
-    wheel(name, (x, y, 0), axis="1 0 0", turn="0 1.5708 0")
-    for name, x, y in (("fl", -0.3, 0.4), ("fr", 0.3, 0.4), ("rl", -0.3, -0.4), ("rr", 0.3, -0.4))
+ABOUT_X = {"axis": "1 0 0", "turn": "0 1.5708 0"}
+SIDEWAYS = [
+    box("base", 60, (0.4, 1.0, 0.2), (0, 0, 0.2)),
+    wheel("fl", (-0.3, 0.4, 0), **ABOUT_X),
+    wheel("fr", (0.3, 0.4, 0), **ABOUT_X),
+    wheel("rl", (-0.3, -0.4, 0), **ABOUT_X),
+    wheel("rr", (0.3, -0.4, 0), **ABOUT_X),
 ]
 ONE_SIDED = rover([(0.25, 0.3), (-0.25, 0.3)])[:-1]
 GIVEN = "half_gauge = 0.3\nhull = [[-0.4, 0, 0.1], [0.4, 0, 0.1]]\n"
@@ -166,20 +190,21 @@ def test_the_way_on_is_said_in_one_line(tmp_path, parts, text, said):
 
 def digger(folder, text=""):
     """A tracked machine whose stick cannot reach angle 0."""
-    parts = [box("base", 300, (1.0, 0.6, 0.3), (0, 0, 0.5))]
-    parts += [box("boom", 25, (1.0, 0.1, 0.1), (0.5, 0, 0))]
-    parts += [box("stick", 15, (0.8, 0.08, 0.08), (0.4, 0, 0))]
     up = {"turn": "0 -0.6 0", "more": LIMITS.format(-1, 0.5)}
-    parts += [joint("boom_joint", "revolute", "base", "boom", (0.4, 0, 0.8), **up)]
     bent = {"more": LIMITS.format(0.5236, 2.6)}
-    parts += [joint("stick_joint", "revolute", "boom", "stick", (1, 0, 0), **bent)]
+    base = box("base", 300, (1.0, 0.6, 0.3), (0, 0, 0.5))
+    boom = box("boom", 25, (1.0, 0.1, 0.1), (0.5, 0, 0))
+    stick = box("stick", 15, (0.8, 0.08, 0.08), (0.4, 0, 0))
+    boom_joint = joint("boom_joint", "revolute", "base", "boom", (0.4, 0, 0.8), **up)
+    stick_joint = joint("stick_joint", "revolute", "boom", "stick", (1, 0, 0), **bent)
     tracks = "half_gauge = 0.4\nhull = [[-0.6, 0.18, 0.18], [0.6, 0.18, 0.18]]\n"
-    return write(folder, parts, tracks + text)
+    return write(folder, [base, boom, stick, boom_joint, stick_joint], tracks + text)
 
 
 def test_an_arm_that_cannot_reach_zero_holds_still(tmp_path):
     built = build_tracked(load_tracked(digger(tmp_path)))
-    model, data = built.model, mujoco.MjData(built.model)
+    model = built.model
+    data = mujoco.MjData(model)
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     data.qpos[2] = 0.002
     mujoco.mj_forward(model, data)
@@ -205,34 +230,41 @@ def test_rules_hold_joints_where_they_say_or_free_them(tmp_path):
 
 def test_a_held_arm_does_not_change_the_turn(tmp_path):
     places = [(0.45, 0.4), (0.0, 0.4), (-0.45, 0.4)]
-    parts = [*rover(places, radius=0.13), box("upper", 1.5, (0.5, 0.04, 0.04), (0.25, 0, 0))]
-    parts += [box("fore", 1, (0.5, 0.04, 0.04), (0.25, 0, 0))]
     limits = {"more": LIMITS.format(-1.5, 2.8)}
-    parts += [joint("shoulder", "revolute", "base", "upper", (0.3, 0, 0.35), **limits)]
-    parts += [joint("elbow", "revolute", "upper", "fore", (0.5, 0, 0), **limits)]
-    points = patches([(x, sign * y) for x, y in places for sign in (1, -1)])
-    turned = turns_as_theory(write(tmp_path, parts, ON_WHEELS), points)
+    upper = box("upper", 1.5, (0.5, 0.04, 0.04), (0.25, 0, 0))
+    fore = box("fore", 1, (0.5, 0.04, 0.04), (0.25, 0, 0))
+    shoulder = joint("shoulder", "revolute", "base", "upper", (0.3, 0, 0.35), **limits)
+    elbow = joint("elbow", "revolute", "upper", "fore", (0.5, 0, 0), **limits)
+    parts = [*rover(places, radius=0.13), upper, fore, shoulder, elbow]
+    file = write(tmp_path, parts, ON_WHEELS)
+    turned = turns_as_theory(file, patches(of_both_sides(places)))
     tip = turned.data.body("fore").xpos[2]
     assert tip == pytest.approx(0.48, abs=1e-3)
 
 
-def shaft(both):
-    """A machine whose front flippers sit on one shaft."""
-    parts = [box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.12))]
-    parts += [box("flipper_left", 2, (0.3, 0.05, 0.1), (0.15, 0, 0))]
-    parts += [joint("shaft", "revolute", "base", "flipper_left", (0.25, 0.25, 0.09), more=HINGED)]
-    parts += [box("flipper_right", 2, (0.3, 0.05, 0.1), (0.15, 0, 0))]
-    parts += [joint("weld", "fixed", "flipper_left", "flipper_right", (0, -0.5, 0))]
+def shaft(*belts):
+    """A machine whose front flippers sit on one shaft, with belts given as body, side, y."""
+    base = box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.12))
+    left = box("flipper_left", 2, (0.3, 0.05, 0.1), (0.15, 0, 0))
+    right = box("flipper_right", 2, (0.3, 0.05, 0.1), (0.15, 0, 0))
+    hinge = joint("shaft", "revolute", "base", "flipper_left", (0.25, 0.25, 0.09), more=HINGED)
+    weld = joint("weld", "fixed", "flipper_left", "flipper_right", (0, -0.5, 0))
+    parts = [base, left, hinge, right, weld]
     text = REPLACED + "half_gauge = 0.18\nhull = [[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]\n"
-    for body, side, y in both:
+    for body, side, y in belts:
         text += f'[[flippers]]\nbody = "flipper_{body}"\nside = "{side}"\ny = {y}\n'
         text += "hull = [[0, 0, 0.06], [0.3, 0, 0.04]]\n"
     return parts, text
 
 
-@pytest.mark.parametrize("other", [("right", "right", 0), ("left", "right", -0.5)])
+LEFT_BELT = ("left", "left", 0)
+RIGHT_BELT = ("right", "right", 0)
+RIGHT_BELT_ON_LEFT_BODY = ("left", "right", -0.5)
+
+
+@pytest.mark.parametrize("other", [RIGHT_BELT, RIGHT_BELT_ON_LEFT_BODY])
 def test_flippers_on_one_shaft_have_belts_of_both_sides(tmp_path, other):
-    file = write(tmp_path, *shaft([("left", "left", 0), other]))
+    file = write(tmp_path, *shaft(LEFT_BELT, other))
     built = build_tracked(load_tracked(file))
     assert built.track_side.tolist() == [0, 1, 0, 1]
     assert built.flipper_names == ("flipper_left",)
@@ -243,10 +275,9 @@ def test_flippers_on_one_shaft_have_belts_of_both_sides(tmp_path, other):
 
 
 def test_a_flipper_left_out_on_its_shaft_is_named(tmp_path):
-    file = write(tmp_path, *shaft([("left", "left", 0)]))
-    with pytest.raises(
-        TrackslipError, match="'flipper_right' is fixed to 'flipper_left', but lies"
-    ):
+    file = write(tmp_path, *shaft(LEFT_BELT))
+    said = "'flipper_right' is fixed to 'flipper_left', but lies"
+    with pytest.raises(TrackslipError, match=said):
         load_tracked(file)
 
 
@@ -265,9 +296,9 @@ def test_flippers_may_have_frames_of_any_orientation(tmp_path, turn, axis, tip):
     parts = [box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.12))]
     text = "half_gauge = 0.18\nhull = [[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]\n"
     for side, y in (("left", 0.25), ("right", -0.25)):
-        parts += [box(side, 2, (0.05, 0.05, 0.05))]
-        hinge = joint(f"{side}_j", "revolute", "base", side, (0.25, y, 0.09), axis, turn, HINGED)
-        parts += [hinge]
+        at = (0.25, y, 0.09)
+        parts.append(box(side, 2, (0.05, 0.05, 0.05)))
+        parts.append(joint(f"{side}_j", "revolute", "base", side, at, axis, turn, HINGED))
         text += f'[[flippers]]\nbody = "{side}"\nside = "{side}"\nhull = [[0, 0, 0.06], {tip}]\n'
     built = build_tracked(load_tracked(write(tmp_path, parts, text)))
     assert built.flippers.front.all()
@@ -281,27 +312,48 @@ def test_flippers_may_have_frames_of_any_orientation(tmp_path, turn, axis, tip):
     assert frame[2, 0] == pytest.approx(np.sin(0.5), abs=1e-6)  # forwards is up by the angle
 
 
+FLIPPER_ENTRY = """[[flippers]]
+body = "{name}"
+side = "{side}"
+hull = [[0, 0, 0.08], [{tip}, 0, 0.08]]
+"""
+TRACK_ENTRY = """[[tracks]]
+body = "{name}"
+sides = "{side}"
+y = 0
+hull = [[0, 0, 0.08], [{tip}, 0, 0.08]]
+"""
+TAPERED_ENTRY = """[[tracks]]
+body = "{name}"
+sides = "{side}"
+y = 0
+hull = [[0, 0, 0.06], [{tip}, 0, 0.04]]
+"""
+
+
 def on_four_flippers(entry):
     """A box that stands on four flippers, each described by `entry`."""
-    parts, text = [box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.05))], ""
-    for name, side, x, y in FLIPPERS:
-        parts += [box(name, 2, (0.3, 0.05, 0.1), (0.15 * x, 0, 0))]
-        at = (0.12 * x, 0.25 * y, 0)
-        parts += [joint(f"{name}_j", "revolute", "base", name, at, more=HINGED)]
-        text += entry.format(name=name, side=side, tip=0.3 * x)
+    parts = [box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.05))]
+    text = ""
+    for flipper in FLIPPERS:
+        name = flipper.name
+        at = (0.12 * flipper.x, 0.25 * flipper.y, 0)
+        parts.append(box(name, 2, (0.3, 0.05, 0.1), (0.15 * flipper.x, 0, 0)))
+        parts.append(joint(f"{name}_j", "revolute", "base", name, at, more=HINGED))
+        text += entry.format(name=name, side=flipper.side, tip=0.3 * flipper.x)
     return parts, text
 
 
-UNDER_FLIPPERS = [
-    point for y in (0.25, -0.25) for x in (0.27, -0.27) for point in lines(y, 0.15, x)
-]
+def points_under_flippers():
+    """Points (x, y) of the belts of four flippers, which reach from 0.12 m to 0.42 m."""
+    points = []
+    for flipper in FLIPPERS:
+        points += lines(0.25 * flipper.y, 0.15, 0.27 * flipper.x)
+    return points
 
 
 def test_a_robot_may_stand_on_flippers_only(tmp_path):
-    entry = (
-        '[[flippers]]\nbody = "{name}"\nside = "{side}"\nhull = [[0, 0, 0.08], [{tip}, 0, 0.08]]\n'
-    )
-    parts, text = on_four_flippers(entry)
+    parts, text = on_four_flippers(FLIPPER_ENTRY)
     for given in (text, REPLACED + text):
         file = write(tmp_path, parts, given)
         driven = drive(file, (0.1, 0.1))
@@ -313,23 +365,17 @@ def test_a_robot_may_stand_on_flippers_only(tmp_path):
 
 
 def test_tracks_on_held_links_turn_as_theory_says(tmp_path):
-    entry = '[[tracks]]\nbody = "{name}"\nsides = "{side}"\ny = 0\n'
-    entry += "hull = [[0, 0, 0.08], [{tip}, 0, 0.08]]\n"
-    parts, text = on_four_flippers(entry)
-    turns_as_theory(
-        write(tmp_path, parts, 'wheels = ["fl", "fr", "rl", "rr"]\n' + text), UNDER_FLIPPERS
-    )
+    parts, text = on_four_flippers(TRACK_ENTRY)
+    file = write(tmp_path, parts, 'wheels = ["fl", "fr", "rl", "rr"]\n' + text)
+    turns_as_theory(file, points_under_flippers())
 
 
 def test_the_motor_of_a_hinge_makes_its_tracks_flippers(tmp_path):
-    entry = '[[tracks]]\nbody = "{name}"\nsides = "{side}"\ny = 0\n'
-    entry += "hull = [[0, 0, 0.06], [{tip}, 0, 0.04]]\n"
-    parts, text = on_four_flippers(entry)
-    text = "[[tracks]]\ny = 0.15\nhull = [[-0.2, 0, 0.1], [0.2, 0, 0.1]]\n" + text
+    parts, flippers = on_four_flippers(TAPERED_ENTRY)
+    tracks = "[[tracks]]\ny = 0.15\nhull = [[-0.2, 0, 0.1], [0.2, 0, 0.1]]\n"
     motor = '{ motor = "flipper", torque = 50, limits = [-1.0, 1.0] }'
-    built = build_tracked(
-        load_tracked(write(tmp_path, parts, f'{text}[joints]\n"*_j" = {motor}\n'))
-    )
+    file = write(tmp_path, parts, f'{tracks}{flippers}[joints]\n"*_j" = {motor}\n')
+    built = build_tracked(load_tracked(file))
     assert built.flipper_names == ("fl", "fr", "rl", "rr")
     np.testing.assert_allclose(built.flipper_range, [[-1.0, 1.0]] * 4)
     np.testing.assert_allclose(built.model.actuator_forcerange, [[-50.0, 50.0]] * 4)
@@ -346,19 +392,19 @@ def test_the_motor_of_a_hinge_makes_its_tracks_flippers(tmp_path):
     ],
 )
 def test_rules_fit_what_the_joints_carry(tmp_path, text, said):
-    entry = '[[flippers]]\nbody = "{name}"\nside = "{side}"\n'
-    parts, flippers = on_four_flippers(entry + "hull = [[0, 0, 0.08], [{tip}, 0, 0.08]]\n")
-    parts += [box("arm", 1, (0.3, 0.02, 0.02), (0.15, 0, 0))]
-    parts += [joint("elbow", "revolute", "base", "arm", (0, 0, 0.3), more=HINGED)]
+    parts, flippers = on_four_flippers(FLIPPER_ENTRY)
+    parts.append(box("arm", 1, (0.3, 0.02, 0.02), (0.15, 0, 0)))
+    parts.append(joint("elbow", "revolute", "base", "arm", (0, 0, 0.3), more=HINGED))
+    file = write(tmp_path, parts, f"{flippers}[joints]\n{text}")
     with pytest.raises(TrackslipError, match=said):
-        build_tracked(load_tracked(write(tmp_path, parts, f"{flippers}[joints]\n{text}")))
+        build_tracked(load_tracked(file))
 
 
 def test_a_rule_sets_the_motor_of_a_table_of_flippers(tmp_path):
-    entry = '[[flippers]]\nbody = "{name}"\nside = "{side}"\n'
-    parts, text = on_four_flippers(entry + "hull = [[0, 0, 0.08], [{tip}, 0, 0.08]]\n")
-    text += '[joints]\n"*_j" = { motor = "flipper", torque = 33.0, limits = [-0.5, 1.0] }\n'
-    built = build_tracked(load_tracked(write(tmp_path, parts, text)))
+    parts, flippers = on_four_flippers(FLIPPER_ENTRY)
+    motor = '{ motor = "flipper", torque = 33.0, limits = [-0.5, 1.0] }'
+    file = write(tmp_path, parts, f'{flippers}[joints]\n"*_j" = {motor}\n')
+    built = build_tracked(load_tracked(file))
     np.testing.assert_allclose(built.model.actuator_forcerange, [[-33.0, 33.0]] * 4)
     np.testing.assert_allclose(built.flipper_range[2], [-0.5, 1.0])
 
@@ -369,7 +415,7 @@ SKIS = '[[tracks]]\ny = 0.45\ncontact = "skid"\nhull = [[0.6, 0.05, 0.05], [1.0,
 
 
 def test_a_centre_belt_drives_a_machine_on_skids(tmp_path):
-    file = write(tmp_path, [box("base", 200, (1.5, 0.4, 0.3), (0, 0, 0.5))], CENTRE + SKIS)
+    file = snowmobile(tmp_path)
     driven = drive(file, (0.08, 0.12))
     assert driven.built.track_side.tolist() == [2, -1, -1]
     assert driven.built.side_tracks == (0, 0)
@@ -390,7 +436,9 @@ def test_one_axle_and_a_ball_turn_as_theory_says(tmp_path):
     # the centre of mass is 0.3 m ahead of the ball and 0.2 m behind the axle
     loads = 9.81 * 20 * np.array([0.3, 0.3, 0.4])
     np.testing.assert_allclose(driven.load, loads, rtol=0.01)
-    points = patches([(0.2, 0.3), (0.2, -0.3)]) + patches([(-0.3, 0.0)], 0.05, 5)
+    axle = patches([(0.2, 0.3), (0.2, -0.3)])
+    ball = patches([(-0.3, 0.0)], 0.05, 5)
+    points = axle + ball
     speeds = np.repeat([*TURN, 0.0], [10, 10, 5])
     each = loads_of_equal_springs(points, centre_of_mass(driven.built), 9.81 * 20)
     expected = twist_of_least_power(points, each, speeds)
@@ -405,8 +453,9 @@ HALF_TRACK += '[[tracks]]\ny = 0.5\nhull = [[0.9, 0.25, 0.25]]\ncontact = "wheel
 @pytest.mark.parametrize(("preset", "within"), [("accurate", 0.005), ("fast", 0.01)])
 def test_a_half_track_turns_as_theory_says(tmp_path, preset, within):
     file = write(tmp_path, [box("base", 400, (2, 0.8, 0.3), (0, 0, 0.6))], HALF_TRACK)
-    sides = [lines(y, 0.5, -0.5, 100) + patches([(0.9, y)]) for y in (0.5, -0.5)]
-    turns_as_theory(file, sides[0] + sides[1], within, preset)
+    belts = lines(0.5, 0.5, -0.5) + lines(-0.5, 0.5, -0.5)
+    axle = patches([(0.9, 0.5), (0.9, -0.5)])
+    turns_as_theory(file, belts + axle, within, preset)
 
 
 def articulated():
@@ -414,12 +463,14 @@ def articulated():
     parts = []
     for name in ("base", "rear"):
         parts.append(box(name, 20, (0.3, 0.3, 0.1), (0, 0, 0.05)))
-        parts += [wheel(f"{name}_{side}", (0, y, 0), name) for side, y in (("l", 0.3), ("r", -0.3))]
-    return [*parts, joint("waist", "revolute", "base", "rear", (-0.5, 0, 0), "0 0 1", more=HINGED)]
+        parts.append(wheel(f"{name}_l", (0, 0.3, 0), name))
+        parts.append(wheel(f"{name}_r", (0, -0.3, 0), name))
+    parts.append(joint("waist", "revolute", "base", "rear", (-0.5, 0, 0), "0 0 1", more=HINGED))
+    return parts
 
 
 def test_a_held_waist_makes_one_robot_of_two_axles(tmp_path):
-    points = patches([(x, y) for x in (0, -0.5) for y in (0.3, -0.3)])
+    points = patches(of_both_sides([(0, 0.3), (-0.5, 0.3)]))
     turns_as_theory(write(tmp_path, articulated(), ON_WHEELS), points)
 
 
@@ -438,30 +489,32 @@ def test_a_free_waist_leaves_each_body_its_axle(tmp_path):
 @pytest.mark.parametrize(
     ("text", "points"),
     [
-        (ON_WHEELS, patches([(x, y) for x in (0.3, -0.3) for y in (0.3, -0.3)])),
+        (ON_WHEELS, patches(of_both_sides([(0.3, 0.3), (-0.3, 0.3)]))),
         (REPLACED, lines(0.3, 0.3) + lines(-0.3, 0.3)),
     ],
 )
 def test_a_rocker_that_swings_keeps_its_wheels(tmp_path, text, points):
     parts = [box("base", 30, (0.5, 0.3, 0.1), (0, 0, 0.25))]
     for side, y in (("l", 0.25), ("r", -0.25)):
-        parts += [box(f"rocker_{side}", 2, (0.4, 0.04, 0.05))]
-        hinge = (f"rocker_{side}_j", "revolute", "base", f"rocker_{side}", (0, y, 0.1))
-        parts += [joint(*hinge, more=HINGED)]
+        rocker = f"rocker_{side}"
         out = 0.05 * np.sign(y)
-        parts += [wheel(f"{side}f", (0.3, out, -0.1), f"rocker_{side}")]
-        parts += [wheel(f"{side}r", (-0.3, out, -0.1), f"rocker_{side}")]
+        parts.append(box(rocker, 2, (0.4, 0.04, 0.05)))
+        parts.append(joint(f"{rocker}_j", "revolute", "base", rocker, (0, y, 0.1), more=HINGED))
+        parts.append(wheel(f"{side}f", (0.3, out, -0.1), rocker))
+        parts.append(wheel(f"{side}r", (-0.3, out, -0.1), rocker))
     file = write(tmp_path, parts, text + '[joints]\nrocker_l_j = "free"\n')
     turned = turns_as_theory(file, points)
     assert turned.built.joints.held == {"rocker_r_j": 0.0}
 
 
 def test_flippers_that_bear_weight_are_said(tmp_path):
-    parts, entry = [box("base", 40, (0.5, 0.36, 0.12), (0, 0, 0.06))], ""
+    parts = [box("base", 40, (0.5, 0.36, 0.12), (0, 0, 0.06))]
+    limits = LIMITS.format(-3.1, 3.1)
+    entry = ""
     for name, side, x, y in FLIPPERS:
-        parts += [box(name, 2, (0.3, 0.05, 0.1), (0.15 * x, 0, 0))]
         at = (0.25 * x, 0.27 * y, 0)
-        parts += [joint(f"{name}_j", "revolute", "base", name, at, more=LIMITS.format(-3.1, 3.1))]
+        parts.append(box(name, 2, (0.3, 0.05, 0.1), (0.15 * x, 0, 0)))
+        parts.append(joint(f"{name}_j", "revolute", "base", name, at, more=limits))
         entry += f'[[flippers]]\nbody = "{name}"\nside = "{side}"\n'
         entry += f"hull = [[0, 0, 0.115], [{0.28 * x}, 0, 0.075]]\n"
     hull = "half_gauge = 0.2\nhull = [[-0.25, 0, 0.115], [0.25, 0, 0.115]]\n"
@@ -473,13 +526,12 @@ def test_flippers_that_bear_weight_are_said(tmp_path):
 
 def test_the_list_of_tracks_may_be_written_in_python(tmp_path):
     file = write(tmp_path, articulated(), "")
-    axles = [
-        RunningGear(body, wheels=(f"{body}_l", f"{body}_r"), contact="wheels")
-        for body in ("base", "rear")
-    ]
-    robot = TrackedRobot(
-        file.with_suffix(".urdf"), tracks=tuple(axles), joints=(JointRule("waist", "free"),)
+    axles = (
+        RunningGear("base", wheels=("base_l", "base_r"), contact="wheels"),
+        RunningGear("rear", wheels=("rear_l", "rear_r"), contact="wheels"),
     )
+    waist = JointRule("waist", "free")
+    robot = TrackedRobot(file.with_suffix(".urdf"), tracks=axles, joints=(waist,))
     world = Traverse(robot, [load_course("flat")])
     for _ in range(10):
         world.step(Command(np.full((1, 2), 0.2), np.zeros((1, 0))))
@@ -505,10 +557,10 @@ ARMS = """<mujoco><worldbody><body name="base" pos="0 0 0.1"><freejoint/>
 def arms(folder):
     """An MJCF with angles in degrees and joints of all kinds."""
     (folder / "arms.xml").write_text(ARMS)
-    (folder / "arms.toml").write_text(
-        'model = "arms.xml"\nhalf_gauge = 0.25\nhull = [[-0.3, 0, 0.1], [0.3, 0, 0.1]]\n'
-    )
-    return folder / "arms.toml"
+    file = folder / "arms.toml"
+    tracks = "half_gauge = 0.25\nhull = [[-0.3, 0, 0.1], [0.3, 0, 0.1]]\n"
+    file.write_text(f'model = "arms.xml"\n{tracks}')
+    return file
 
 
 def test_joints_of_all_kinds_start_within_their_limits(tmp_path):
@@ -519,7 +571,8 @@ def test_joints_of_all_kinds_start_within_their_limits(tmp_path):
     mujoco.mj_forward(built.model, data)
     assert data.joint("driven").qpos[0] == pytest.approx(np.radians(20))
     ahead = data.body("arm").xmat.reshape(3, 3)[:, 0]
-    np.testing.assert_allclose(ahead, [np.cos(np.pi / 18), 0, np.sin(np.pi / 18)], atol=1e-9)
+    up = np.radians(10)  # the arm lies 40 degrees up and turns down by 30
+    np.testing.assert_allclose(ahead, [np.cos(up), 0, np.sin(up)], atol=1e-9)
     away = data.body("rod").xpos - data.body("arm").xpos
     np.testing.assert_allclose(away, 0.5 * ahead, atol=1e-9)
     mujoco.mj_step(built.model, data, nstep=500)
@@ -527,19 +580,54 @@ def test_joints_of_all_kinds_start_within_their_limits(tmp_path):
     np.testing.assert_allclose(held, [np.pi / 6, 0.1, 1.0], atol=1e-4)
 
 
+def freed_digger(folder):
+    return digger(folder, '[joints]\nstick_joint = 1.0\nboom_joint = "free"\n')
+
+
+def rover_beside_its_frame(folder):
+    return write(folder, rover([(0.3, 0.3), (-0.3, 0.3)], 0.05), REPLACED)
+
+
+def rover_on_six_wheels(folder):
+    return write(folder, rover(SIX), ON_WHEELS)
+
+
+def flippers_on_a_shaft(folder):
+    return write(folder, *shaft(LEFT_BELT, RIGHT_BELT))
+
+
+def snowmobile(folder):
+    return write(folder, [box("base", 200, (1.5, 0.4, 0.3), (0, 0, 0.5))], CENTRE + SKIS)
+
+
+def lagging_on_a_waist(folder):
+    text = '[joints]\nwaist = "free"\n[drive]\nlag = 0.1\n'
+    return write(folder, articulated(), ON_WHEELS + text)
+
+
 MACHINES = {
-    "arms": lambda folder: arms(folder),
-    "digger": lambda folder: digger(folder, '[joints]\nstick_joint = 1.0\nboom_joint = "free"\n'),
-    "offset": lambda folder: write(folder, rover([(0.3, 0.3), (-0.3, 0.3)], 0.05), REPLACED),
-    "six": lambda folder: write(folder, rover(SIX), ON_WHEELS),
-    "shaft": lambda folder: write(folder, *shaft([("left", "left", 0), ("right", "right", 0)])),
-    "snowmobile": lambda folder: write(
-        folder, [box("base", 200, (1.5, 0.4, 0.3), (0, 0, 0.5))], CENTRE + SKIS
-    ),
-    "waist": lambda folder: write(
-        folder, articulated(), ON_WHEELS + '[joints]\nwaist = "free"\n[drive]\nlag = 0.1\n'
-    ),
+    "arms": arms,
+    "digger": freed_digger,
+    "offset": rover_beside_its_frame,
+    "six": rover_on_six_wheels,
+    "shaft": flippers_on_a_shaft,
+    "snowmobile": snowmobile,
+    "waist": lagging_on_a_waist,
 }
+"""Functions that write the robot file of a machine into a folder."""
+MODEL_FIELDS = (
+    "body_mass",
+    "qpos0",
+    "geom_pos",
+    "geom_size",
+    "body_pos",
+    "body_quat",
+    "pair_solref",
+    "pair_solimp",
+    "eq_data",
+    "actuator_gainprm",
+    "jnt_range",
+)
 
 
 @pytest.mark.parametrize("name", [*MACHINES, "rescue", "box"])
@@ -556,45 +644,54 @@ def test_the_robot_file_of_a_check_makes_the_same_robot(tmp_path, name):
     second = load_tracked(again)
     assert [each.is_complete for each in second.gear] == [True] * len(first.gear)
     assert second.drive == first.drive
-    assert (second.half_gauge, second.offset) == (first.half_gauge, first.offset)
-    models = [build_tracked(robot).model for robot in (first, second)]
-    for field in ("body_mass", "qpos0", "geom_pos", "geom_size", "body_pos", "body_quat"):
-        np.testing.assert_array_equal(getattr(models[0], field), getattr(models[1], field))
-    for field in ("pair_solref", "pair_solimp", "eq_data", "actuator_gainprm", "jnt_range"):
-        np.testing.assert_array_equal(getattr(models[0], field), getattr(models[1], field))
+    assert second.half_gauge == first.half_gauge
+    assert second.offset == first.offset
+    model = build_tracked(first).model
+    remade = build_tracked(second).model
+    for field in MODEL_FIELDS:
+        np.testing.assert_array_equal(getattr(remade, field), getattr(model, field))
 
 
 @pytest.mark.parametrize("name", ["offset", "rescue", "box"])
 def test_the_robot_file_of_a_check_is_the_same_on_the_plane(tmp_path, name):
     source = str(MACHINES[name](tmp_path)) if name in MACHINES else name
     model = load_tracked(source).model.as_posix()
+    _, *lines_below = check(source).file.splitlines()
     again = tmp_path / "again.toml"
-    again.write_text("\n".join([f'model = "{model}"', *check(source).file.splitlines()[1:]]))
-    first, second = load_parameters(source)[0], load_parameters(str(again))[0]
+    again.write_text("\n".join([f'model = "{model}"', *lines_below]))
+    first, _ = load_parameters(source)
+    second, _ = load_parameters(str(again))
     assert replace(second, looks=first.looks) == first
 
 
 def test_a_check_says_where_each_number_comes_from(tmp_path):
-    facts = dict(check(write(tmp_path, rover([(0.3, 0.233), (-0.3, 0.233)]), REPLACED)).facts)
-    assert facts["tracks on the chassis"] == (
-        "both, half gauge 0.233 from l1, r1, l0, r0; motors left, right"
-    )
-    facts = dict(check(digger(tmp_path)).facts)
+    read = write(tmp_path, rover([(0.3, 0.233), (-0.3, 0.233)]), REPLACED)
+    facts = dict(check(read).facts)
+    said = "both, half gauge 0.233 from l1, r1, l0, r0; motors left, right"
+    assert facts["tracks on the chassis"] == said
+    given = digger(tmp_path)
+    facts = dict(check(given).facts)
     assert facts["tracks on the chassis"].startswith("both, half gauge 0.4 given")
     assert facts["joints that hold"] == "boom_joint at 0, stick_joint at 0.5236"
 
 
 def test_a_check_offers_motors_of_effort_and_velocity_limits(tmp_path):
-    parts = [box("base", 30, (0.8, 0.3, 0.15), (0, 0, 0.2))]
     limit = '<limit lower="-1e16" upper="1e16" effort="20" velocity="8"/>'
-    for name, x, y in (("lf", 0.3, 0.3), ("rf", 0.3, -0.3), ("lr", -0.3, 0.3), ("rr", -0.3, -0.3)):
-        parts.append(wheel(name, (x, y, 0), more=limit))
+    parts = [
+        box("base", 30, (0.8, 0.3, 0.15), (0, 0, 0.2)),
+        wheel("lf", (0.3, 0.3, 0), more=limit),
+        wheel("rf", (0.3, -0.3, 0), more=limit),
+        wheel("lr", (-0.3, 0.3, 0), more=limit),
+        wheel("rr", (-0.3, -0.3, 0), more=limit),
+    ]
     file = write(tmp_path, parts, REPLACED)
-    offered = check(file).file.partition("# motors by the effort")[2].splitlines()[1:]
+    _, _, offer = check(file).file.partition("# motors by the effort")
+    _, *offered = offer.splitlines()
     tables = "\n".join(line.removeprefix("# ") for line in offered)
     motors = load_tracked(write(tmp_path, parts, REPLACED + tables)).drive
     assert motors is not None
-    assert (motors.torque_limit, motors.top_speed) == (40.0, 0.8)
+    assert motors.torque_limit == 40.0
+    assert motors.top_speed == 0.8
     assert motors.strength(8.0) == pytest.approx(40.0)
 
 
@@ -604,11 +701,14 @@ def test_hinges_of_flippers_offer_no_motors_of_belts(tmp_path):
     parts = [
         box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.12)),
         box("flipper", 2, (0.3, 0.05, 0.1), (0.15, 0, 0)),
-        joint("shaft", "revolute", "base", "flipper", "0.25 0.25 0.09", more=limit),
+        joint("shaft", "revolute", "base", "flipper", (0.25, 0.25, 0.09), more=limit),
     ]
     hull = "[[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]"
     text = f'wheels = ["flipper"]\nhalf_gauge = 0.18\nhull = {hull}\n'
-    assert "[drive]" not in check(write(tmp_path, parts, text)).file
+    checked = check(write(tmp_path, parts, text))
+    assert not checked.errors
+    assert "y = 0.18" in checked.file
+    assert "[drive]" not in checked.file
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,8 @@ def rescue():
 @pytest.mark.parametrize("name", ROBOTS)
 def test_shipped_robots_stand_on_their_tracks(name):
     made = build_tracked(load_tracked(name))
-    model, data = made.model, mujoco.MjData(made.model)
+    model = made.model
+    data = mujoco.MjData(model)
     data.qpos[made.free[0] + 2] = -made.robot.lowest
     data.qpos[made.flipper_qpos] = made.flipper_control(np.full(len(made.flipper_sign), 1.0))
     data.ctrl[made.flipper_motor] = data.qpos[made.flipper_qpos]
@@ -60,23 +61,26 @@ def test_the_scene_and_states_of_the_model_stay_behind(tmp_path):
     (tmp_path / "scene.xml").write_text(xml)
     text = ROBOT.split("[[flippers]]")[0].replace("mine.urdf", "scene.xml")
     made = build_tracked(load_tracked(write_robot(tmp_path, text)), load_course("flat"))
-    assert "floor" not in [made.model.geom(i).name for i in range(made.model.ngeom)]
-    assert made.model.nkey == made.model.nlight == 0
+    model = made.model
+    assert "floor" not in [model.geom(k).name for k in range(model.ngeom)]
+    assert model.nkey == 0
+    assert model.nlight == 0
+
+
+def bent_down(flipper, angle):
+    """A flipper whose hull is turned down by an angle [rad] around its hinge."""
+    hull = [(x * np.cos(angle), -abs(x) * np.sin(angle), radius) for x, _, radius in flipper.hull]
+    return replace(flipper, hull=hull)
 
 
 def test_flippers_start_clear_of_the_ground(rescue):
+    """The wheel at the tip, 0.04 m, 0.245 m from the hinge at 0.08 m, just clears the ground at
+    -asin(0.04 / 0.245).
+    """
     assert not clear_angles(rescue).any()
-    bend, flippers = 0.6, rescue.robot.flippers  # the same with tips further down
-    bent = [
-        [(x * np.cos(bend), -abs(x) * np.sin(bend), r) for x, _, r in flipper.hull]
-        for flipper in flippers
-    ]
-    flippers = tuple(
-        replace(flipper, hull=hull) for flipper, hull in zip(flippers, bent, strict=True)
-    )
+    bend = 0.6
+    flippers = tuple(bent_down(flipper, bend) for flipper in rescue.robot.flippers)
     lifted = clear_angles(build_tracked(replace(rescue.robot, flippers=flippers)))
-    # the tip's wheel, 0.04 m, 0.245 m from the hinge at 0.08 m, just clears the ground at
-    # -asin(0.04 / 0.245)
     least = bend - np.arcsin(0.04 / 0.245)
     assert (lifted >= least - 1e-9).all()
     assert (lifted <= least + 2.6 / 60).all()
@@ -91,10 +95,8 @@ MASKED = """<mujoco><worldbody>
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        *(
-            (URDF, MASKED.format(mask), r"reaches down to -0\.1 m")
-            for mask in ("contype", "conaffinity")
-        ),
+        (URDF, MASKED.format("contype"), r"reaches down to -0\.1 m"),
+        (URDF, MASKED.format("conaffinity"), r"reaches down to -0\.1 m"),
         ("0 0 0.14", "0 0 nan", r"mine\.urdf: <origin> xyz = '0 0 nan': numbers must be finite"),
         ("</robot>", "", r"mine\.urdf: not XML \(no element found"),
         ("mine.urdf", "x" * 5000, "no such file"),
@@ -128,10 +130,9 @@ MASKED = """<mujoco><worldbody>
     ],
 )
 def test_robots_that_cannot_be_built(tmp_path, old, new, said):
+    file = write_robot(tmp_path, ROBOT.replace(old, new), URDF.replace(old, new))
     with pytest.raises(TrackslipError, match=said):
-        build_tracked(
-            load_tracked(write_robot(tmp_path, ROBOT.replace(old, new), URDF.replace(old, new)))
-        )
+        build_tracked(load_tracked(file))
 
 
 ARM = """<mujoco><default><default class="big"><joint armature="0.1" damping="20" range="-180 180"/>
@@ -154,71 +155,74 @@ def test_runs_begin_in_a_keyframe(tmp_path):
     (tmp_path / "arm.xml").write_text(ARM)
     tracks = 'model = "arm.xml"\nwheels = ["wheel"]\nhalf_gauge = 0.22\n'
     tracks += "hull = [[-0.4, 0.08, 0.08], [0.4, 0.08, 0.08]]\n"
-    (tmp_path / "arm.toml").write_text(tracks)
-    plain = load_tracked(tmp_path / "arm.toml")
-    with pytest.warns(
-        RobotWarning,
-        match='its keyframes, unnamed_key0, home, are not used.*; key = "unnamed_key0" in',
-    ):
+    without = tmp_path / "arm.toml"
+    without.write_text(tracks)
+    plain = load_tracked(without)
+    unused = 'its keyframes, unnamed_key0, home, are not used.*; key = "unnamed_key0" in'
+    with pytest.warns(RobotWarning, match=unused):
         assert build_tracked(plain).model.nkey == 0
-    assert not check(tmp_path / "arm.toml").errors
-    (line,) = (line for line in check(tmp_path / "arm.toml").warnings if "flat ground" in line)
+    checked = check(without)
+    assert not checked.errors
+    (line,) = (line for line in checked.warnings if "flat ground" in line)
     assert line.startswith("not for flat ground: ")
     assert "arm.xml: com_x = 0.19" in line
-    with pytest.raises(
-        TrackslipError, match="key = 'hom': must be one of its keyframes, unnamed_key0, home"
-    ):
+    unknown = "key = 'hom': must be one of its keyframes, unnamed_key0, home"
+    with pytest.raises(TrackslipError, match=unknown):
         build_tracked(replace(plain, key="hom"))
-    (tmp_path / "home.toml").write_text(f'{tracks}key = "home"\n')
-    world = Traverse(load_tracked(tmp_path / "home.toml"), [load_course("flat")], 2)
+
+    home = tmp_path / "home.toml"
+    home.write_text(f'{tracks}key = "home"\n')
+    course = load_course("flat")
+    world = Traverse(load_tracked(home), [course], 2)
     np.testing.assert_allclose(world.batch.qpos[:, 7:], [[1.57, 2.9]] * 2)
     np.testing.assert_allclose(world.batch.ctrl, [[1.57]] * 2)
-    assert world.batch.qpos[0, 0] == load_course("flat").start[0]
-    parameters, _ = load_parameters(str(tmp_path / "home.toml"))
+    assert world.batch.qpos[0, 0] == course.start[0]
+
+    parameters, _ = load_parameters(str(home))
     elbow = 0.2 + 0.42 * np.cos(1.57)
-    arm = 8 * (0.2 + elbow) / 2 + 5 * (elbow + 0.2 * np.cos(4.47))
-    assert parameters.com_x == pytest.approx(arm / 38.1, abs=1e-6)
+    upper_middle = (0.2 + elbow) / 2
+    fore_middle = elbow + 0.2 * np.cos(1.57 + 2.9)
+    arm = (8 * upper_middle + 5 * fore_middle) / (25 + 0.1 + 8 + 5)
+    assert parameters.com_x == pytest.approx(arm, abs=1e-6)
     np.testing.assert_allclose(robot_looks(parameters).rest[-2:], [1.57, 2.9])
+
+
+LINK = """<link name="{name}"><inertial><origin xyz="{place}"/><mass value="{mass}"/>
+<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+"""
+HINGE = """<joint name="j{name}" type="revolute"><parent link="base"/><child link="{name}"/>
+<origin xyz="{place}"/><axis xyz="0 1 0"/>
+<limit lower="-3.1" upper="3.1" effort="{torque}" velocity="10"/></joint>
+"""
+ENTRY = """[[flippers]]
+body = "{name}"
+side = "{side}"
+hull = [[0.0, 0.0, 0.09], [{tip}, 0.0, 0.03]]
+"""
 
 
 @pytest.mark.parametrize(("torque", "lifts"), [(30, False), (40, True)])
 def test_flippers_lift_a_robot_as_far_as_their_torque_allows(tmp_path, torque, lifts):
     """Four flippers of 0.35 m lift 40 kg off its tracks with 34 N m each."""
-    links = (
-        '<link name="base"><inertial><origin xyz="0 0 0.15"/><mass '
-        'value="36"/>{0}</inertial></link>'
-    )
-    limit = f'<axis xyz="0 1 0"/><limit lower="-3.1" upper="3.1" effort="{torque}" velocity="10"/>'
+    urdf = LINK.format(name="base", place="0 0 0.15", mass=36, inertia=1.0)
     text = 'model = "r.urdf"\nhalf_gauge = 0.2\nhull = [[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]\n'
-    for name, x, side in (
-        ("fl", 1, "left"),
-        ("fr", 1, "right"),
-        ("rl", -1, "left"),
-        ("rr", -1, "right"),
+    for name, side, forwards, left in (
+        ("fl", "left", 1, 1),
+        ("fr", "right", 1, -1),
+        ("rl", "left", -1, 1),
+        ("rr", "right", -1, -1),
     ):
-        y = 0.3 if side == "left" else -0.3
-        links += (
-            f'<link name="{name}"><inertial><origin xyz="{0.15 * x} 0 0"/><mass '
-            f'value="1"/>{{1}}</inertial></link>'
-        )
-        links += (
-            f'<joint name="j{name}" type="revolute"><parent link="base"/><child link="{name}"/>'
-        )
-        links += f'<origin xyz="{0.25 * x} {y} 0.09"/>{limit}</joint>'
-        text += (
-            f'[[flippers]]\nbody = "{name}"\nside = "{side}"\nhull = [[0.0, 0.0, 0.09], '
-            f"[{0.35 * x}, 0.0, 0.03]]\n"
-        )
-    inertia = [
-        f'<inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/>' for i in (1.0, 0.01)
-    ]
-    (tmp_path / "r.urdf").write_text(f'<robot name="r">{links.format(*inertia)}</robot>')
+        place = f"{0.25 * forwards} {0.3 * left} 0.09"
+        urdf += LINK.format(name=name, place=f"{0.15 * forwards} 0 0", mass=1, inertia=0.01)
+        urdf += HINGE.format(name=name, place=place, torque=torque)
+        text += ENTRY.format(name=name, side=side, tip=0.35 * forwards)
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{urdf}</robot>')
     (tmp_path / "r.toml").write_text(text)
     tracked = build_tracked(load_tracked(tmp_path / "r.toml"))
-    model, data = tracked.model, mujoco.MjData(tracked.model)
-    for k in range(2000):
-        data.ctrl[tracked.flipper_motor] = tracked.flipper_control(
-            np.full(4, -0.6 * min(1.0, k / 1000))
-        )
+    model = tracked.model
+    data = mujoco.MjData(model)
+    for step in range(2000):
+        angle = -0.6 * min(1.0, step / 1000)
+        data.ctrl[tracked.flipper_motor] = tracked.flipper_control(np.full(4, angle))
         mujoco.mj_step(model, data)
     assert (data.qpos[2] > 0.01) == lifts

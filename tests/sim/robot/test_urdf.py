@@ -1,5 +1,7 @@
 import re
 import warnings
+from itertools import product
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,16 +15,18 @@ from sim.robot.named import load_parameters, load_tracked
 from trackslip.errors import TrackslipError
 from trackslip.skid_theory import steady_twist
 
+SIDES = {"left": 1, "right": -1}
 ENDS = {"front": 0.2, "rear": -0.2}
-CUBE = "".join(f"v {x} {y} {z}\n" for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1))
-CUBE += (
-    "f 1 2 4\nf 1 4 3\nf 5 7 8\nf 5 8 6\nf 1 5 6\nf 1 6 2\nf 3 4 8\nf 3 8 7\nf 1 3 7\nf 1 7 "
-    "5\nf 2 6 8\nf 2 8 4\n"
-)
+CUBE = "".join(f"v {x} {y} {z}\n" for x, y, z in product((-0.1, 0.1), repeat=3))
+CUBE += "f 1 2 4\nf 1 4 3\n"
+CUBE += "f 5 7 8\nf 5 8 6\n"
+CUBE += "f 1 5 6\nf 1 6 2\n"
+CUBE += "f 3 4 8\nf 3 8 7\n"
+CUBE += "f 1 3 7\nf 1 7 5\n"
+CUBE += "f 2 6 8\nf 2 8 4\n"
+"""An .obj of a cube with edges of 0.2 m: its corners, then two triangles per side."""
 WHEELS = {
-    f"{side}_{end}": (x, y)
-    for side, y in (("left", 0.25), ("right", -0.25))
-    for end, x in ENDS.items()
+    f"{side}_{end}": (x, 0.25 * sign) for side, sign in SIDES.items() for end, x in ENDS.items()
 }
 """Places of a rover's wheels, x and y [m]."""
 LISTED = list(WHEELS)
@@ -38,25 +42,22 @@ TRACKS = "half_gauge = 0.25\nhull = [[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]\n"
 
 def link(name, mass, shape="", place="0 0 0", look=""):
     """A link with a collision shape and a mesh to look at."""
-    inertia = (
-        f'<inertia ixx="{mass / 20}" iyy="{mass / 20}" izz="{mass / 15}" ixy="0" ixz="0" iyz="0"/>'
-    )
-    inertial = f'<inertial><mass value="{mass}"/>{inertia}</inertial>' if mass else ""
-    collision = (
-        f'<collision><origin xyz="{place}"/><geometry>{shape}</geometry></collision>'
-        if shape
-        else ""
-    )
-    visual = f'<visual><geometry><mesh filename="{look}"/></geometry></visual>' if look else ""
-    return f'<link name="{name}">{inertial}{visual}{collision}</link>'
+    across = f'ixx="{mass / 20}" iyy="{mass / 20}"'
+    inertia = f'<inertia {across} izz="{mass / 15}" ixy="0" ixz="0" iyz="0"/>'
+    text = f'<link name="{name}">'
+    if mass:
+        text += f'<inertial><mass value="{mass}"/>{inertia}</inertial>'
+    if look:
+        text += f'<visual><geometry><mesh filename="{look}"/></geometry></visual>'
+    if shape:
+        text += f'<collision><origin xyz="{place}"/><geometry>{shape}</geometry></collision>'
+    return f"{text}</link>"
 
 
 def joint(parent, child, place, kind="continuous", rest=""):
-    ends = (
-        f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis xyz="0 '
-        '1 0"/>'
-    )
-    return f'<joint name="{child}_joint" type="{kind}">{ends}{rest}</joint>'
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    frame = f'<origin xyz="{place}"/><axis xyz="0 1 0"/>'
+    return f'<joint name="{child}_joint" type="{kind}">{ends}{frame}{rest}</joint>'
 
 
 CYLINDER = '<cylinder radius="0.1" length="0.1"/>'
@@ -71,10 +72,9 @@ def rover(wheel='<sphere radius="0.1"/>', heights=(0.0, 0.0, 0.0, 0.0), parent="
 
 def write(folder, parts, text='wheels = "replace"\n', name="rover.urdf"):
     """Write the URDF into a package's folder urdf, and its robot file beside it."""
-    (folder / "rover_description" / "urdf").mkdir(parents=True, exist_ok=True)
-    (folder / "rover_description" / "urdf" / name).write_text(
-        f'<robot name="rover">{"".join(parts)}</robot>'
-    )
+    urdf = folder / "rover_description" / "urdf" / name
+    urdf.parent.mkdir(parents=True, exist_ok=True)
+    urdf.write_text(f'<robot name="rover">{"".join(parts)}</robot>')
     file = folder / "rover.toml"
     file.write_text(f'model = "rover_description/urdf/{name}"\n{text}')
     return file
@@ -95,11 +95,13 @@ def base(shape="", mass=10, look=""):
     ],
 )
 def test_meshes_are_found(tmp_path, filename, at, packages):
-    (tmp_path / at).mkdir(parents=True)
-    (tmp_path / at / "cube.obj").write_text(CUBE)
-    (tmp_path / at / "package.xml").write_text("<package><name>named</name></package>")
+    package = tmp_path / at
+    package.mkdir(parents=True)
+    (package / "cube.obj").write_text(CUBE)
+    (package / "package.xml").write_text("<package><name>named</name></package>")
+    shape = f'<mesh filename="{filename}"/>'
     for extra in ("", '<mujoco><compiler strippath="true"/></mujoco>'):
-        file = write(tmp_path, [base(f'<mesh filename="{filename}"/>'), extra], TRACKS + packages)
+        file = write(tmp_path, [base(shape), extra], TRACKS + packages)
         assert build_tracked(load_tracked(file)).model.nmesh == 1
 
 
@@ -108,9 +110,8 @@ ASCII_STL = "solid made by a CAD\n" + "facet normal 0 0 1 outer loop vertex 0 0 
 PADDLE = (
     '[[flippers]]\nbody = "paddle"\nside = "left"\nhull = [[0.0, 0.0, 0.06], [0.25, 0.0, 0.04]]\n'
 )
-HINGE, HINGED = (
-    joint("base", "paddle", f'0.2 0.3 0" rpy="0 0 {yaw}', **LIMITS) for yaw in (1.57, 0)
-)
+HINGE = joint("base", "paddle", '0.2 0.3 0" rpy="0 0 1.57', **LIMITS)
+HINGED = joint("base", "paddle", '0.2 0.3 0" rpy="0 0 0', **LIMITS)
 TIPPED = [
     link("paddle", 1),
     HINGED,
@@ -129,74 +130,79 @@ def below(shape):
     return [base(), link("plate", 0, shape), joint("base", "plate", "0 0 -0.11", "fixed")]
 
 
-@pytest.mark.parametrize(
-    ("parts", "text", "files", "said"),
-    [
-        (
-            mesh("package://gone/a.stl"),
-            "",
-            {},
-            "link 'base' needs package://gone/a.stl .*`packages` must list",
-        ),
-        (
-            mesh("../meshes/a.dae"),
-            "",
-            {"meshes/a.dae": ""},
-            "'base' needs .*MuJoCo doesn't read .dae; convert it",
-        ),
-        (
-            mesh("a.stl"),
-            "",
-            {},
-            "link 'base' needs a.stl to collide or for its mass, but there is no",
-        ),
-        (
-            mesh("../meshes/a.stl"),
-            "",
-            {"meshes/a.stl": ASCII_STL},
-            r"such an \.stl \(ASCII, damaged, or over 200,000 faces\)",
-        ),
-        (
-            mesh("../meshes/a.obj"),
-            "",
-            {"meshes/a.obj": POINTER},
-            "but a.obj is a Git LFS .*git lfs pull",
-        ),
-        (mesh("package://named/a.stl"), OTHER, PACKAGE, "package named in .*other has no a.stl$"),
-        (
-            below('<box size="0.3 0.1 0.02"/>'),
-            "",
-            {},
-            "a geom of link plate reaches down to -0.12 m in the frame of",
-        ),
-        (
-            below('<mesh filename="../meshes/a.obj"/>'),
-            "",
-            {"meshes/a.obj": CUBE},
-            "mesh a of link plate reaches down",
-        ),
-        (
-            ['<xacro:include filename="a.xacro"/>', base()],
-            "",
-            {},
-            "is xacro; run `xacro rover.urdf > robot.urdf`",
-        ),
-        ([base('<box size="a"/>')], "", {}, r"rover\.urdf: XML Error: .*Element 'box', line 1$"),
-        (
-            [base(), link("paddle", 1), HINGE],
-            PADDLE,
-            {},
-            "'paddle': must have its hinge along the chassis' y",
-        ),
-    ],
-)
-def test_what_is_wrong_is_said_in_one_line_that_names_it(tmp_path, parts, text, files, said):
-    for name, content in files.items():
+class Fault(NamedTuple):
+    """What is wrong with a model, and what is to be said about it."""
+
+    parts: list[str]
+    said: str
+    text: str = ""  # of the robot file
+    files: dict[str, str] | None = None  # contents by path in the package
+
+
+FAULTS = {
+    "package is gone": Fault(
+        parts=mesh("package://gone/a.stl"),
+        said="link 'base' needs package://gone/a.stl .*`packages` must list",
+    ),
+    "mesh is a .dae": Fault(
+        parts=mesh("../meshes/a.dae"),
+        said="'base' needs .*MuJoCo doesn't read .dae; convert it",
+        files={"meshes/a.dae": ""},
+    ),
+    "mesh is gone": Fault(
+        parts=mesh("a.stl"),
+        said="link 'base' needs a.stl to collide or for its mass, but there is no",
+    ),
+    "mesh is an ASCII .stl": Fault(
+        parts=mesh("../meshes/a.stl"),
+        said=r"such an \.stl \(ASCII, damaged, or over 200,000 faces\)",
+        files={"meshes/a.stl": ASCII_STL},
+    ),
+    "mesh is a pointer": Fault(
+        parts=mesh("../meshes/a.obj"),
+        said="but a.obj is a Git LFS .*git lfs pull",
+        files={"meshes/a.obj": POINTER},
+    ),
+    "package lacks the mesh": Fault(
+        parts=mesh("package://named/a.stl"),
+        said="package named in .*other has no a.stl$",
+        text=OTHER,
+        files=PACKAGE,
+    ),
+    "box below the tracks": Fault(
+        parts=below('<box size="0.3 0.1 0.02"/>'),
+        said="a geom of link plate reaches down to -0.12 m in the frame of",
+    ),
+    "mesh below the tracks": Fault(
+        parts=below('<mesh filename="../meshes/a.obj"/>'),
+        said="mesh a of link plate reaches down",
+        files={"meshes/a.obj": CUBE},
+    ),
+    "model is xacro": Fault(
+        parts=['<xacro:include filename="a.xacro"/>', base()],
+        said="is xacro; run `xacro rover.urdf > robot.urdf`",
+    ),
+    "size is no number": Fault(
+        parts=[base('<box size="a"/>')],
+        said=r"rover\.urdf: XML Error: .*Element 'box', line 1$",
+    ),
+    "hinge is turned": Fault(
+        parts=[base(), link("paddle", 1), HINGE],
+        said="'paddle': must have its hinge along the chassis' y",
+        text=PADDLE,
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
+def test_what_is_wrong_is_said_in_one_line_that_names_it(tmp_path, fault):
+    for name, content in (fault.files or {}).items():
         file = tmp_path / "rover_description" / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(content)
-    with pytest.raises(TrackslipError, match=said):
-        build_tracked(load_tracked(write(tmp_path, parts, TRACKS + text)))
+    file = write(tmp_path, fault.parts, TRACKS + fault.text)
+    with pytest.raises(TrackslipError, match=fault.said):
+        build_tracked(load_tracked(file))
 
 
 RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "0 0 0.2")]
@@ -279,82 +285,81 @@ def test_files_that_are_no_models_are_named(tmp_path, text, said):
 
 @pytest.mark.parametrize("unit", ["0.1", "2.54e-2", "1", ""])
 def test_a_converted_mesh_has_the_unit_of_its_dae_or_is_refused(tmp_path, unit):
-    (tmp_path / "rover_description" / "meshes").mkdir(parents=True)
-    mesh = tmp_path / "rover_description" / "meshes" / "wheel.dae"
+    meshes = tmp_path / "rover_description" / "meshes"
+    meshes.mkdir(parents=True)
     meter = f'<unit name="u" meter="{unit}"/>' if unit else ""
-    mesh.write_text(f"<COLLADA><asset>{meter}</asset></COLLADA>")
-    mesh.with_suffix(".obj").write_text(CUBE)
+    (meshes / "wheel.dae").write_text(f"<COLLADA><asset>{meter}</asset></COLLADA>")
+    (meshes / "wheel.obj").write_text(CUBE)
     file = write(tmp_path, rover('<mesh filename="../meshes/wheel.dae"/>'))
     if unit in ("1", ""):
         assert load_tracked(file).hull[0][2] == pytest.approx(0.1)
         return
-    with pytest.raises(
-        TrackslipError, match=f"wheel.dae is in units of {unit} m, and wheel.obj has no unit: name"
-    ):
+    said = f"wheel.dae is in units of {unit} m, and wheel.obj has no unit: name"
+    with pytest.raises(TrackslipError, match=said):
         load_tracked(file)
     named = rover(f'<mesh filename="../meshes/wheel.obj" scale="{unit} {unit} {unit}"/>')
-    assert load_tracked(write(tmp_path, named)).hull[0][2] == pytest.approx(
-        0.1 * float(unit), rel=1e-3
-    )
+    robot = load_tracked(write(tmp_path, named))
+    assert robot.hull[0][2] == pytest.approx(0.1 * float(unit), rel=1e-3)
 
 
 def fixed(part, parent="base", place="0 0 0"):
-    return [part, joint(parent, re.search('name="(.*?)"', part)[1], place, "fixed")]
+    name = re.search('name="(.*?)"', part)[1]
+    return [part, joint(parent, name, place, "fixed")]
 
 
-LYING = '<origin rpy="1.5707963 0.7 0" xyz="0 0 0"/><geometry><cyl'
-HUBS = [
-    part
-    for name, (_, y) in WHEELS.items()  # which reach further in than the wheels
-    for part in fixed(link(f"{name}_hub", 1, '<sphere radius="0.03"/>'), name, f"0 {-0.4 * y} 0")
-]
+def on_hubs():
+    """A rover with a hub on each wheel, which reaches further in than the wheel."""
+    parts = rover()
+    for name, (_, y) in WHEELS.items():
+        hub = link(f"{name}_hub", 1, '<sphere radius="0.03"/>')
+        parts += fixed(hub, name, f"0 {-0.4 * y} 0")
+    return parts
+
+
+def with_rollers():
+    """A rover whose wheels are a hair apart in height, and rollers above them a hair apart in x."""
+    parts = rover(heights=HAIR)
+    for (name, (x, y)), off in zip(WHEELS.items(), HAIR, strict=True):
+        parts.append(link(f"{name}_r", 1, '<sphere radius="0.03"/>'))
+        parts.append(joint("base", f"{name}_r", f"{x + off} {y} 0.12"))
+    return parts
+
+
+def replaced(parts, old, new):
+    """The parts, with a regular expression replaced in each."""
+    return [re.sub(old, new, part) for part in parts]
+
+
+HAIR = (1e-4, 0.0, 0.0, 1e-4)
+LYING = r'<origin rpy="1.5707963 0.7 0" xyz="0 0 0"/><geometry><cyl'
+HUB_NAMES = [f"{name}_hub" for name in LISTED]
 BLOCK = fixed(link("block", 1, '<box size="0.3 0.3 0.3"/>', "0 0.2 0.2"))
 BELT = fixed(link("belt", 1, '<box size="0.6 0.1 0.2"/>', "0 0.25 0.02"))
-OFF = (1e-4, 0.0, 0.0, 1e-4)
-ROLLERS = [
-    part
-    for (name, (x, y)), off in zip(WHEELS.items(), OFF, strict=True)
-    for part in (
-        link(f"{name}_r", 1, '<sphere radius="0.03"/>'),
-        joint("base", f"{name}_r", f"{x + off} {y} 0.12"),
-    )
-]
 
 
 @pytest.mark.parametrize(
     ("parts", "wheels"),
     [
         (rover(**ENDLESS), '"replace"'),
-        (
-            [
-                part.replace('<origin xyz="0 0 0"/><geometry><cyl', LYING)
-                for part in rover(CYLINDER)
-            ],
-            '"replace"',
-        ),
+        (replaced(rover(CYLINDER), '<origin xyz="0 0 0"/><geometry><cyl', LYING), '"replace"'),
         (rover('<mesh filename="package://rover_description/wheel.obj"/>'), '"replace"'),
-        ([*rover(), *HUBS], [*LISTED, *(f"{name}_hub" for name in LISTED)]),
+        (on_hubs(), LISTED + HUB_NAMES),
         ([*rover(kind="fixed", parent="block"), *BLOCK, *BELT], [*LISTED, "belt", "block"]),
         ([*rover(), *fixed(link("rider", 0, '<box size="1 1 1"/>', "0 0 1"))], '"replace"'),
         (
-            [
-                part.replace('xyz="0 0 0"/><geo', 'xyz="0 0 0" rpy="0 0.7 0"/><geo')
-                for part in rover()
-            ],
+            replaced(rover(), 'xyz="0 0 0"/><geo', 'xyz="0 0 0" rpy="0 0.7 0"/><geo'),
             '"replace"',
         ),
-        (
-            [re.sub('<inertial><mass value="1"/>.*?</inertial>', "", part) for part in rover()],
-            '"replace"',
-        ),
-        ([re.sub('mass value="1"', 'mass value="0"', part) for part in rover()], '"replace"'),
-        ([*rover(heights=OFF), *ROLLERS], '"replace"'),  # a hair apart, and alike
+        (replaced(rover(), '<inertial><mass value="1"/>.*?</inertial>', ""), '"replace"'),
+        (replaced(rover(), 'mass value="1"', 'mass value="0"'), '"replace"'),
+        (with_rollers(), '"replace"'),
         ([*rover(), *TIPPED], f'"replace"\n{PADDLE}'),
     ],
 )
 def test_tracks_replace_the_wheels(tmp_path, parts, wheels):
-    (tmp_path / "rover_description").mkdir()
-    (tmp_path / "rover_description" / "wheel.obj").write_text(CUBE)
+    package = tmp_path / "rover_description"
+    package.mkdir()
+    (package / "wheel.obj").write_text(CUBE)
     robot = load_tracked(write(tmp_path, parts, f"wheels = {wheels}\n"))
     assert set(WHEELS) <= set(robot.wheels)
     assert robot.half_gauge == pytest.approx(0.25, abs=1e-4)
@@ -362,103 +367,131 @@ def test_tracks_replace_the_wheels(tmp_path, parts, wheels):
     np.testing.assert_allclose(largest, [(-0.2, 0, 0.1), (0.2, 0, 0.1)], atol=2e-4)
     with warnings.catch_warnings(action="error"):  # nothing is left that swings
         made = build_tracked(robot)
-    masses = sum(float(mass) for part in parts for mass in re.findall('mass value="(.*?)"', part))
-    assert made.model.body_subtreemass[made.body] == pytest.approx(masses)
+    stated = re.findall('mass value="(.*?)"', "".join(parts))
+    mass = sum(map(float, stated))
+    assert made.model.body_subtreemass[made.body] == pytest.approx(mass)
     assert made.model.nv == 6 + len(robot.flippers)
 
 
-def carried_rover(axis, options, nested=False):
-    """A rover whose wheels hang on two carriers, one of each side or more, with near-square plates
-    near the middle.
+def on_rockers(axis, options):
+    """A rover whose wheels hang on two rockers, one of each side, with near-square plates near the
+    middle.
     """
     parts = [link("base", 10, '<box size="0.4 0.2 0.05"/>', "0 0 0.15")]
-    for side, sign in (("left", 1), ("right", -1)):
-        carriers = [f"{side}_rocker", f"{side}_bogie" if nested else f"{side}_rocker"]
-        parts += [link(carriers[0], 1, '<box size="0.2 0.04 0.19"/>', "0 0 0.05")]
-        parts += [joint("base", carriers[0], f"0 {0.2 * sign} 0", **options).replace("0 1 0", axis)]
-        if nested:
-            parts += [link(carriers[1], 1, '<cylinder radius="0.12" length="0.02"/>', "0 0 0.1")]
-            parts += [joint(*carriers, "0 0 0", **options)]
-        for carrier, (end, x) in zip(carriers, ENDS.items(), strict=True):
-            parts += [link(f"{side}_{end}", 1, '<sphere radius="0.1"/>')]
-            parts += [joint(carrier, f"{side}_{end}", f"{x} {0.1 * sign} 0")]
+    for side, sign in SIDES.items():
+        rocker = f"{side}_rocker"
+        hinge = joint("base", rocker, f"0 {0.2 * sign} 0", **options)
+        parts.append(link(rocker, 1, '<box size="0.2 0.04 0.19"/>', "0 0 0.05"))
+        parts.append(hinge.replace("0 1 0", axis))
+        parts += hung_wheel(f"{side}_front", rocker, sign)
+        parts += hung_wheel(f"{side}_rear", rocker, sign)
     return parts
 
 
+def on_bogies(options):
+    """A rover whose front wheels hang on rockers, and the rear ones on bogies of these rockers."""
+    parts = [link("base", 10, '<box size="0.4 0.2 0.05"/>', "0 0 0.15")]
+    for side, sign in SIDES.items():
+        rocker = f"{side}_rocker"
+        bogie = f"{side}_bogie"
+        parts.append(link(rocker, 1, '<box size="0.2 0.04 0.19"/>', "0 0 0.05"))
+        parts.append(joint("base", rocker, f"0 {0.2 * sign} 0", **options))
+        parts.append(link(bogie, 1, '<cylinder radius="0.12" length="0.02"/>', "0 0 0.1"))
+        parts.append(joint(rocker, bogie, "0 0 0", **options))
+        parts += hung_wheel(f"{side}_front", rocker, sign)
+        parts += hung_wheel(f"{side}_rear", bogie, sign)
+    return parts
+
+
+def hung_wheel(name, carrier, sign):
+    """A wheel 0.1 m outside its carrier."""
+    x, _ = WHEELS[name]
+    hinge = joint(carrier, name, f"{x} {0.1 * sign} 0")
+    return [link(name, 1, '<sphere radius="0.1"/>'), hinge]
+
+
 @pytest.mark.parametrize(
-    "carried", [("0 1 0", LIMITS), ("0 1 0", LOOSE), ("0 0 1", LIMITS), ("0 1 0", LIMITS, True)]
-)  # rockers, knuckles and bogies
-def test_what_carries_wheels_holds_and_is_no_wheel(tmp_path, carried):
-    robot = load_tracked(write(tmp_path, carried_rover(*carried)))
-    assert (robot.half_gauge, robot.lowest) == (pytest.approx(0.3), pytest.approx(-0.1))
+    ("parts", "held"),
+    [
+        pytest.param(on_rockers("0 1 0", LIMITS), 2, id="rockers with limits"),
+        pytest.param(on_rockers("0 1 0", LOOSE), 2, id="endless rockers"),
+        pytest.param(on_rockers("0 0 1", LIMITS), 2, id="knuckles"),
+        pytest.param(on_bogies(LIMITS), 4, id="bogies"),
+    ],
+)
+def test_what_carries_wheels_holds_and_is_no_wheel(tmp_path, parts, held):
+    robot = load_tracked(write(tmp_path, parts))
+    assert robot.half_gauge == pytest.approx(0.3)
+    assert robot.lowest == pytest.approx(-0.1)
     np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
     built = build_tracked(robot)
-    assert len(built.joints.held) == (4 if carried[2:] else 2)
+    assert len(built.joints.held) == held
     assert set(built.joints.held.values()) == {0.0}
 
 
 def test_belts_around_wheels_on_bogies_that_swing_are_refused(tmp_path):
-    text = 'wheels = ["left_front", "left_rear", "right_front", "right_rear"]\n' + TRACKS
-    text += '[joints]\n"*_rocker_joint" = "free"\n'
+    text = f'wheels = {LISTED}\n{TRACKS}[joints]\n"*_rocker_joint" = "free"\n'
+    file = write(tmp_path, on_rockers("0 1 0", LIMITS), text)
     with pytest.raises(TrackslipError, match=r"'left_front': hangs on 'left_rocker', .*\[\[tracks"):
-        build_tracked(load_tracked(write(tmp_path, carried_rover("0 1 0", LIMITS), text)))
+        build_tracked(load_tracked(file))
 
 
 def test_a_rover_on_its_own_wheels_turns_as_theory_says(tmp_path):
     file = write(tmp_path, rover(), 'contact = "wheels"\nwheels = "replace"\npatch_length = 0.05\n')
     parameters, _ = load_parameters(file)
-    assert (parameters.axles, parameters.half_gauge, parameters.contact_length) == (
-        (-0.2, 0.2),
-        0.25,
-        0.45,
-    )
-    speeds, made = np.array([0.1, 0.2]), build_tracked(load_tracked(file))
-    model, data = made.model, mujoco.MjData(made.model)
+    assert parameters.axles == (-0.2, 0.2)
+    assert parameters.half_gauge == 0.25
+    assert parameters.contact_length == 0.45
+    speeds = np.array([0.1, 0.2])
+    made = build_tracked(load_tracked(file))
+    model = made.model
+    data = mujoco.MjData(model)
     data.qpos[made.free[0] + 2] = -made.robot.lowest
     made.belts.set(speeds)
     mujoco.mj_step(model, data, 1500)
-    fleet = Fleet(load_robot(parameters), np.zeros((1, 3)), Ground(0.7, 0.7), 0.0, tireless())
+    start = np.zeros((1, 3))
+    fleet = Fleet(load_robot(parameters), start, Ground(0.7, 0.7), 0.0, tireless())
     fleet.command(speeds / parameters.sprocket_radius)
     fleet.advance(3.0)
-    expected = steady_twist(speeds, parameters.contact_theory(0.7, 0.7), 9.81)[2]
+    contact = parameters.contact_theory(0.7, 0.7)
+    expected = steady_twist(speeds, contact, 9.81)[2]
     assert fleet.twist()[0, 2] == pytest.approx(expected, rel=1e-3)
     assert data.qvel[5] == pytest.approx(expected, rel=2e-3)
     looks = robot_looks(parameters)
     assert not any(look.belted for *_, look in looks.tracks)
 
 
+MJCF_ROVER = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+<body pos="0 0 1" euler="0 0 90"><freejoint/>
+<geom name="g" type="box" size=".2 .1 .05" pos="0 0 .2"/>{wheels}</body></worldbody>
+<tendon><fixed name="t"><joint joint="left_rear" coef="1"/></fixed></tendon>
+<contact><pair geom1="floor" geom2="g"/></contact>
+<actuator>{motors}<motor tendon="t"/></actuator><sensor>{sensors}</sensor></mujoco>"""
+
+
 def test_wheels_of_an_mjcf_go_with_their_motors_and_sensors(tmp_path):
-    wheels = "".join(
-        f'<body name="{name}" pos="{x} {y} 0"><joint name="{name}" axis="0 1 0"/><geom '
-        'size="0.1"/></body>'
-        for name, (x, y) in WHEELS.items()
-    )
-    motors = "".join(f'<velocity name="m{name}" joint="{name}"/>' for name in WHEELS)
-    sensors = "".join(
-        f'<jointpos joint="{name}"/><actuatorfrc actuator="m{name}"/>' for name in WHEELS
-    )
-    (tmp_path / "r.xml").write_text(
-        '<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1" '
-        'euler="0 0 90"><freejoint/>'
-        '<geom name="g" type="box" size=".2 .1 .05" pos="0 0 '
-        f'.2"/>{wheels}</body></worldbody><tendon><fixed name="t">'
-        '<joint joint="left_rear" coef="1"/></fixed></tendon><contact><pair geom1="floor" '
-        'geom2="g"/></contact>'
-        f'<actuator>{motors}<motor tendon="t"/></actuator><sensor>{sensors}</sensor></mujoco>'
-    )
-    (tmp_path / "r.toml").write_text('model = "r.xml"\nwheels = "replace"\n')
-    model = build_tracked(load_tracked(tmp_path / "r.toml")).model
-    assert (model.nv, model.nu, model.ntendon) == (6, 0, 0)
-    drawn = robot_looks(load_parameters(str(tmp_path / "r.toml"))[0]).model.body(
-        "robot/unnamed_body1"
-    )
-    np.testing.assert_allclose([*drawn.pos, *drawn.quat], [0, 0, 0.1, 1, 0, 0, 0], atol=1e-9)
+    wheels = motors = sensors = ""
+    for name, (x, y) in WHEELS.items():
+        hinge = f'<joint name="{name}" axis="0 1 0"/>'
+        wheels += f'<body name="{name}" pos="{x} {y} 0">{hinge}<geom size="0.1"/></body>'
+        motors += f'<velocity name="m{name}" joint="{name}"/>'
+        sensors += f'<jointpos joint="{name}"/><actuatorfrc actuator="m{name}"/>'
+    text = MJCF_ROVER.format(wheels=wheels, motors=motors, sensors=sensors)
+    (tmp_path / "r.xml").write_text(text)
+    file = tmp_path / "r.toml"
+    file.write_text('model = "r.xml"\nwheels = "replace"\n')
+    model = build_tracked(load_tracked(file)).model
+    assert model.nv == 6
+    assert model.nu == 0
+    assert model.ntendon == 0
+    parameters, _ = load_parameters(str(file))
+    drawn = robot_looks(parameters).model.body("robot/unnamed_body1")
+    np.testing.assert_allclose(drawn.pos, [0, 0, 0.1], atol=1e-9)
+    np.testing.assert_allclose(drawn.quat, [1, 0, 0, 0], atol=1e-9)
 
 
-BOX = (
-    '<worldbody><body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 '
-    '.2"/></body></worldbody>'
-)
+BOX = """<worldbody><body name="b"><freejoint/>
+<geom type="box" size=".2 .1 .05" pos="0 0 .2"/></body></worldbody>"""
 STEP = '<option timestep="0.002"/>'
 
 
@@ -474,24 +507,26 @@ STEP = '<option timestep="0.002"/>'
 def test_a_stated_physics_step_is_kept(tmp_path, text, step):
     (tmp_path / "part.xml").write_text(f"<mujoco>{STEP}</mujoco>")
     (tmp_path / "b.xml").write_text(f"<mujoco>{text}{BOX}</mujoco>")
-    (tmp_path / "b.toml").write_text('model = "b.xml"\n' + TRACKS.replace("0.0, 0.1", "0.1, 0.1"))
-    urdf = write(tmp_path, [base(), f"<mujoco>{text}</mujoco>"], TRACKS)
-    for file in (tmp_path / "b.toml", *([urdf] if "include" not in text else [])):
+    mjcf = tmp_path / "b.toml"
+    mjcf.write_text('model = "b.xml"\n' + TRACKS.replace("0.0, 0.1", "0.1, 0.1"))
+    files = [mjcf]
+    if "include" not in text:  # a URDF can't include
+        files.append(write(tmp_path, [base(), f"<mujoco>{text}</mujoco>"], TRACKS))
+    for file in files:
         assert build_tracked(load_tracked(file), preset="fast").model.opt.timestep == step
 
 
 def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
-    arm, mast = (
-        link(name, 1, f'<mesh filename="package://gone/{name}.stl"/>') for name in ("arm", "mast")
-    )
-    parts = [
-        *rover(),
-        *below('<box size="0.3 0.1 0.02"/>')[1:],
-        arm,
-        joint("base", "arm", "0 0 0.3"),
-    ]
-    parts += [link("fan", 0, '<sphere radius="0.01"/>'), joint("base", "fan", "0 0 0.5", **LIMITS)]
-    parts += [*fixed(mast, place="0 0 0.3"), *fixed(link("eye", 0, look="eye.dae"))]
+    arm = link("arm", 1, '<mesh filename="package://gone/arm.stl"/>')
+    mast = link("mast", 1, '<mesh filename="package://gone/mast.stl"/>')
+    fan = link("fan", 0, '<sphere radius="0.01"/>')
+    eye = link("eye", 0, look="eye.dae")
+    _, *plate = below('<box size="0.3 0.1 0.02"/>')
+    parts = [*rover(), *plate]
+    parts += [arm, joint("base", "arm", "0 0 0.3")]
+    parts += [fan, joint("base", "fan", "0 0 0.5", **LIMITS)]
+    parts += fixed(mast, place="0 0 0.3")
+    parts += fixed(eye)
     checked = check(write(tmp_path, parts, f"wheels = {LISTED}\n"))
     for said in (
         "link 'arm' needs",
@@ -510,7 +545,8 @@ def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
     assert facts["mass"].startswith("16 kg")
     assert facts["joints that hold"] == "arm_joint at 0, fan_joint at 0"
     assert not checked.file
-    assert not check("rescue").errors + check("warthog").errors
+    assert not check("rescue").errors
+    assert not check("warthog").errors
 
 
 @pytest.mark.parametrize(
@@ -626,23 +662,26 @@ def test_motors_without_limits_have_no_numbers_in_the_robot_file(tmp_path):
 
 
 def stl_of_a_wheel(radius, width, corners=64):
-    """A binary .stl of a disc about y."""
+    """A binary .stl of a disc about y: two triangles per corner for its rim, one per side."""
     angle = np.linspace(0.0, 2 * np.pi, corners + 1)
     rim = radius * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
     half = np.array([0.0, width / 2, 0.0])
-    left, right = rim + half, rim - half
-    faces = np.concatenate(
-        [
-            np.stack([left[:-1], left[1:], right[:-1]], axis=1),
-            np.stack([right[:-1], left[1:], right[1:]], axis=1),
-            np.stack([np.broadcast_to(half, rim[1:].shape), left[1:], left[:-1]], axis=1),
-            np.stack([np.broadcast_to(-half, rim[1:].shape), right[:-1], right[1:]], axis=1),
-        ]
-    )
+    left = rim + half
+    right = rim - half
+    left_middle = np.broadcast_to(half, (corners, 3))
+    right_middle = np.broadcast_to(-half, (corners, 3))
+    faces = [
+        np.stack([left[:-1], left[1:], right[:-1]], axis=1),
+        np.stack([right[:-1], left[1:], right[1:]], axis=1),
+        np.stack([left_middle, left[1:], left[:-1]], axis=1),
+        np.stack([right_middle, right[:-1], right[1:]], axis=1),
+    ]
     face = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("rest", "<u2")])
-    stored = np.zeros(len(faces), face)
-    stored["points"] = faces
-    return bytes(80) + len(faces).to_bytes(4, "little") + stored.tobytes()
+    stored = np.zeros(4 * corners, face)
+    stored["points"] = np.concatenate(faces)
+    header = bytes(80)
+    count = len(stored).to_bytes(4, "little")
+    return header + count + stored.tobytes()
 
 
 @pytest.mark.parametrize(("scale", "is_refused"), [("1 1 1", True), ("0.001 0.001 0.001", False)])

@@ -17,15 +17,21 @@ GROUND = Ground(0.6, 0.75)
 def driven():
     """Two drives of 8 s at speeds that change slowly, rows every 0.05 s."""
     fleet = Fleet(load_robot(parameters=ROBOT), np.zeros((2, 3)), GROUND, 0.0, tireless())
-    time = np.arange(161)[:, None] * 0.05
-    left, right = 2.0 + 1.5 * np.sin(0.9 * time), 2.0 + 1.5 * np.cos(0.7 * time)
-    omega = np.stack([np.hstack([left, right]), np.hstack([right, -left])], axis=1)
-    return open_loop(fleet, omega, 8.0, period=0.05)
+    time = np.arange(161) * 0.05
+    left = 2.0 + 1.5 * np.sin(0.9 * time)
+    right = 2.0 + 1.5 * np.cos(0.7 * time)
+    first = np.column_stack([left, right])
+    second = np.column_stack([right, -left])
+    return open_loop(fleet, np.stack([first, second], axis=1), 8.0, period=0.05)
 
 
 def missed(logs, replayed):
-    apart = [se2.between(a.truth.pose[-1], b.pose[-1]) for a, b in zip(logs, replayed, strict=True)]
-    return np.hypot(*np.array(apart)[:, :2].T), np.abs(np.array(apart)[:, 2])
+    """Distances (n,) and angles (n,) between the ends of drives."""
+    apart = []
+    for log, again in zip(logs, replayed, strict=True):
+        apart.append(se2.between(log.truth.pose[-1], again.pose[-1]))
+    x, y, heading = np.transpose(apart)
+    return np.hypot(x, y), np.abs(heading)
 
 
 @pytest.mark.parametrize("inputs", ["encoders", "commands"])
@@ -45,20 +51,21 @@ def test_a_robot_drives_again_as_it_drove(driven, inputs):
 
 
 def test_sensors_and_clocks_are_those_of_the_log(driven):
-    sensor, late = Mounting(0.2, -0.1, 0.3), 0.2
+    sensor = Mounting(0.2, -0.1, 0.3)
+    late = 0.2
     shift = round(late / 0.05)
 
     def as_measured(log):
+        """Poses of the sensor 0.2 s ago, in a frame turned so that headings wrap after 0.2 s."""
         pose = se2.compose(log.truth.pose, sensor.pose)
-        pose = np.concatenate([np.repeat(pose[:1], shift, axis=0), pose[:-shift]])  # of 0.2 s ago
-        pose = se2.compose(np.array([0.0, 0.0, np.pi - pose[5, 2]]), pose)
-        # wrapped after 0.2 s
-        return replace(log, pose=np.column_stack([pose[:, :2], se2.wrap_angle(pose[:, 2])]))
+        delayed = np.concatenate([np.repeat(pose[:1], shift, axis=0), pose[:-shift]])
+        turn = np.array([0.0, 0.0, np.pi - delayed[5, 2]])
+        x, y, heading = se2.compose(turn, delayed).T
+        return replace(log, pose=np.column_stack([x, y, se2.wrap_angle(heading)]))
 
     logs = [as_measured(log) for log in driven]
-    for log, again in zip(
-        logs, replay(logs, ROBOT, GROUND, sensor=sensor, clock=-late), strict=True
-    ):
+    replayed = replay(logs, ROBOT, GROUND, sensor=sensor, clock=-late)
+    for log, again in zip(logs, replayed, strict=True):
         apart = se2.between(log.pose[shift:], again.pose[shift:])
         assert np.abs(apart[:, :2]).max() < 0.005
         assert np.abs(se2.wrap_angle(apart[:, 2])).max() < 0.01
@@ -69,24 +76,26 @@ def test_resting_sprockets_begin_at_rest_whatever_the_poses_say(driven):
     warthog_grass_2.
     """
     log = driven[0]
-    still = np.where(log.time[:, None] < 0.5, 0.0, log.omega)
+    rests = log.time < 0.5
+    still = np.where(rests[:, None], 0.0, log.omega)
     pose = se2.compose(np.array([1.0, -2.0, -1.0]), log.pose)
-    pose[log.time < 0.5] = pose[log.time >= 0.5][0]
+    pose[rests] = pose[~rests][0]
     pose[:2] = 0.0
-    again = replay(replace(log, omega=still, pose=pose), ROBOT, GROUND)[0]
+    (again,) = replay(replace(log, omega=still, pose=pose), ROBOT, GROUND)
     np.testing.assert_allclose(again.pose[2], pose[2], atol=1e-3)
     assert np.abs(again.truth.twist[log.time < 0.4]).max() < 1e-3
 
 
 def test_refusals(driven):
-    wild = replace(driven[0], omega=np.where(np.arange(161)[:, None] == 9, 400.0, driven[0].omega))
-    with pytest.raises(
-        LogError, match=r"belts as fast as 24 m/s: replayed are speeds below 9.9 m/s"
-    ):
+    log = driven[0]
+    is_wild = np.arange(161) == 9
+    wild = replace(log, omega=np.where(is_wild[:, None], 400.0, log.omega))
+    said = r"belts as fast as 24 m/s: replayed are speeds below 9.9 m/s"
+    with pytest.raises(LogError, match=said):
         replay(wild, ROBOT)
     with pytest.raises(InvalidValueError, match="inputs = 'wheels': must be encoders or commands"):
         replay(driven, ROBOT, inputs="wheels")
     with pytest.raises(InvalidValueError, match=r"clock = 0.6: must be from -0.5 to 0.5 s"):
         replay(driven, ROBOT, clock=0.6)
     with pytest.raises(LogError, match="run 'run 0': needs omega_cmd_l and omega_cmd_r"):
-        replay([replace(driven[0], command=None)], ROBOT, inputs="commands")
+        replay([replace(log, command=None)], ROBOT, inputs="commands")

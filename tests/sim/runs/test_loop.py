@@ -63,24 +63,27 @@ def test_impulses_of_the_ground_are_the_momentum_gained(robot):
 
 
 def short_path():
-    return SegmentedReference(
-        (0.0, 0.0, np.pi / 2),
-        [Segment(2.0, 0.0, 0.15), Segment(6.0, 0.15, 0.15, 0.8), Segment(2.0, 0.15, 0.0)],
-    )
+    ramps = [Segment(2.0, 0.0, 0.15), Segment(6.0, 0.15, 0.15, 0.8), Segment(2.0, 0.15, 0.0)]
+    return SegmentedReference((0.0, 0.0, np.pi / 2), ramps)
+
+
+def rms_position(log, reference):
+    return tracking_errors(log.time, log.truth.pose, reference).rms_position
 
 
 def theoretical_law(robot):
     """A constant ICR from theory alone: nothing identified."""
-    contact = line_contact(
-        robot.geometry.half_gauge, robot.parameters.contact_length / 2, 0.70, 0.775
-    )
-    yaw_rate = steady_twist([0.1, 0.14], contact)[2]
     half_gauge = robot.geometry.half_gauge
-    return ConstantIcr(0.04 / (2 * yaw_rate) - half_gauge, half_gauge, 0.0067)
+    contact = line_contact(half_gauge, robot.parameters.contact_length / 2, 0.70, 0.775)
+    _, _, yaw_rate = steady_twist([0.1, 0.14], contact)
+    half_width = (0.14 - 0.1) / (2 * yaw_rate)
+    return ConstantIcr(half_width - half_gauge, half_gauge, 0.0067)
 
 
 def test_the_right_law_keeps_to_the_path_and_icrs_are_learnt(robot):
-    reference, law, geometry = short_path(), theoretical_law(robot), robot.geometry
+    reference = short_path()
+    law = theoretical_law(robot)
+    geometry = robot.geometry
     fleet, feed = set_up(robot, np.tile(reference.pose(0.0), (5, 1)))
     learning = OnlineIcr(geometry, ConstantIcr(0.0, geometry.half_gauge))
     pilots = [
@@ -91,19 +94,19 @@ def test_the_right_law_keeps_to_the_path_and_icrs_are_learnt(robot):
         Pilot(LinearTimeVarying(), [4], learning),
     ]
     logs = closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(5))
-    errors = [tracking_errors(log.time, log.truth.pose, reference).rms_position for log in logs]
+    errors = [rms_position(log, reference) for log in logs]
     for plain, compensated in (errors[0:2], errors[2:4]):
         assert compensated < min(0.012, plain / 1.5)
-    assert logs[0].time[-1] == pytest.approx(reference.duration)
-    np.testing.assert_array_equal(logs[0].twist_command, reference.twist(logs[0].time))
+    first = logs[0]
+    assert first.time[-1] == pytest.approx(reference.duration)
+    np.testing.assert_array_equal(first.twist_command, reference.twist(first.time))
     # it brakes at 0.075 m/s^2, late by the servo's lag of 50 ms and a scan's hold of at most 50 ms
-    assert np.abs(logs[0].truth.twist[-1]).max() < 0.075 * 0.1
-    fixed, learnt = logs[3:]
+    assert np.abs(first.truth.twist[-1]).max() < 0.075 * 0.1
+    *_, fixed, learnt = logs
     assert abs(learnt.icr[0, 0]) < 1e-3
     assert learnt.icr[-1, 0] == pytest.approx(law.offset, rel=0.3)
-    np.testing.assert_array_equal(
-        fixed.icr, np.tile([law.offset, law.radius_error], (len(fixed.time), 1))
-    )
+    known = np.tile([law.offset, law.radius_error], (len(fixed.time), 1))
+    np.testing.assert_array_equal(fixed.icr, known)
 
 
 def test_a_preview_by_the_lag_of_the_drive_makes_up_for_it(robot):
@@ -116,11 +119,8 @@ def test_a_preview_by_the_lag_of_the_drive_makes_up_for_it(robot):
         Pilot(LinearTimeVarying(), [1], law, lag),
     ]
     unread = ScannerFeed(LaserScanner(), fleet)  # as there is no locator
-    logs = closed_loop(fleet, pilots, reference, unread)
-    late, early = (
-        tracking_errors(log.time, log.truth.pose, reference).rms_position for log in logs
-    )
-    assert early < 0.25 * late
+    late, early = closed_loop(fleet, pilots, reference, unread)
+    assert rms_position(early, reference) < 0.25 * rms_position(late, reference)
 
 
 def test_runs_that_make_no_sense_are_refused(robot):
@@ -128,14 +128,12 @@ def test_runs_that_make_no_sense_are_refused(robot):
     for robots in ([0], [0, 0], [0, 2]):
         with pytest.raises(InvalidValueError, match="pilots"):
             closed_loop(fleet, [Pilot(Feedforward(), robots)], short_path(), feed)
-    with pytest.raises(
-        InvalidValueError, match=r"duration = 0\.01: must be at least the time between two scans"
-    ):
+    said = r"duration = 0\.01: must be at least the time between two scans"
+    with pytest.raises(InvalidValueError, match=said):
         open_loop(fleet, OMEGA, 0.01, feed)
     assert [len(log.time) for log in open_loop(fleet, OMEGA, 0.05, feed)] == [2, 2]
-    with pytest.raises(
-        InvalidValueError, match="descriptions = '1 descriptions': must be 2, one per robot"
-    ):
+    said = "descriptions = '1 descriptions': must be 2, one per robot"
+    with pytest.raises(InvalidValueError, match=said):
         open_loop(fleet, OMEGA, 1.0, descriptions=names(1))
 
 
@@ -179,7 +177,8 @@ def test_twists_that_are_none_are_refused(robot, function, message, rows):
     path = short_path()
     with pytest.raises(RunFailedError) as failure:
         closed_loop(Fleet(robot, path.pose([0.0])), Custom(function), path)
-    assert re.match(f"run 'run 0': its controller('s)? {re.escape(message)}", str(failure.value))
+    said = f"run 'run 0': its controller('s)? {re.escape(message)}"
+    assert re.match(said, str(failure.value))
     assert [len(log.time) for log in failure.value.logs] == rows
 
 
@@ -189,19 +188,13 @@ def test_a_controller_that_fails_leaves_the_rows_before():
     start = np.tile(reference.pose(0.0), (2, 1))
     fleet, feed = set_up(robot, start)
     pilots = [Pilot(Feedforward(), [0]), Pilot(Custom(fails), [1])]
-    with pytest.raises(
-        RunFailedError, match=r"^run 'run 1': its controller fails at 1 s \(RuntimeError"
-    ) as failure:
-        closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))
+    locator = PlateLocator(robot.plate)
+    said = r"^run 'run 1': its controller fails at 1 s \(RuntimeError"
+    with pytest.raises(RunFailedError, match=said) as failure:
+        closed_loop(fleet, pilots, reference, feed, locator, names(2))
     fleet, feed = set_up(robot, start)
-    whole = closed_loop(
-        fleet,
-        [Pilot(Feedforward(), range(2))],
-        reference,
-        feed,
-        PlateLocator(robot.plate),
-        names(2),
-    )
+    pilot = Pilot(Feedforward(), range(2))
+    whole = closed_loop(fleet, [pilot], reference, feed, locator, names(2))
     for log, expected in zip(failure.value.logs, whole, strict=True):
         assert len(log.time) == 20
         assert log.metadata == {
@@ -217,7 +210,8 @@ def test_a_controller_that_fails_leaves_the_rows_before():
 
 
 STARTS = np.array([[0.0, 0.0, 1.5], [0.05, 0.0, 1.6], [0.0, 0.1, 1.4], [-0.05, 0.1, 1.7]])
-ROWS, PERIOD = 5, 0.05
+ROWS = 5
+PERIOD = 0.05
 
 
 @pytest.fixture(scope="module")
@@ -228,7 +222,8 @@ def fleet(robot):
 def commands(fleet, pilots):
     """Set points (T, 4, 2) that pilots of the fleet give to its robots, which creep forwards."""
     record = RunRecorder(fleet, ROWS, PERIOD, None)
-    record.pose[:] = STARTS + np.arange(ROWS)[:, None, None] * [0.0, 0.004, 0.0]
+    creeping = np.arange(ROWS)[:, None, None] * [0.0, 0.004, 0.0]
+    record.pose[:] = STARTS + creeping
     record.omega[:] = 1.0
     omega = np.zeros((ROWS, 4, 2))
     for pilot in pilots:
@@ -248,3 +243,30 @@ def test_a_pilot_of_many_robots_is_as_many_pilots_to_the_bit(fleet, controller):
         together = commands(fleet, [Pilot(controller(), range(4), make(), 0.02)])
         alone = commands(fleet, [Pilot(controller(), [k], make(), 0.02) for k in range(4)])
         np.testing.assert_array_equal(together, alone)
+
+
+class Dithering:
+    """Feedforward with noise in the yaw rate, from a generator per robot."""
+
+    def reset(self, seed):
+        self.generators = [np.random.default_rng(one) for one in seed]
+
+    def twist(self, time, pose, reference):
+        noise = [0.1 * generator.standard_normal() for generator in self.generators]
+        return reference.twist(time) + np.column_stack([np.zeros(len(pose)), noise])
+
+
+def test_random_controllers_get_a_seed_per_robot(robot):
+    """A robot's run depends on its seed, not on the robots beside it."""
+    path = short_path()
+
+    def driven(seeds):
+        fleet = Fleet(robot, np.tile(path.pose([0.0]), (len(seeds), 1)))
+        pilot = Pilot(Dithering(), range(len(seeds)), seeds=seeds)
+        return [log.truth.pose for log in closed_loop(fleet, [pilot], path)]
+
+    alone = driven([7])
+    together = driven([3, 7, 7])
+    np.testing.assert_array_equal(together[1], alone[0])
+    np.testing.assert_array_equal(together[2], alone[0])
+    assert np.abs(together[0] - alone[0]).max() > 1e-4

@@ -19,14 +19,17 @@ from sim.terrain.course import course_names, load_course, look_up
 
 def look_down(model, points):
     """Heights (P,) and normals (P, 3) where vertical rays of MuJoCo at `points` (P, 2) hit."""
-    data, high = mujoco.MjData(model), 30.0
+    data = mujoco.MjData(model)
+    high = 30.0
     mujoco.mj_forward(model, data)
-    heights, normals = np.empty(len(points)), np.empty((len(points), 3))
-    down, geom = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32)
+    heights = np.empty(len(points))
+    normals = np.empty((len(points), 3))
+    down = np.array([0.0, 0.0, -1.0])
+    geom = np.zeros(1, np.int32)
     for k, (x, y) in enumerate(points):
-        heights[k] = high - mujoco.mj_ray(
-            model, data, np.array([x, y, high]), down, None, 1, -1, geom, normals[k]
-        )
+        start = np.array([x, y, high])
+        depth = mujoco.mj_ray(model, data, start, down, None, 1, -1, geom, normals[k])
+        heights[k] = high - depth
     return heights, normals
 
 
@@ -42,34 +45,38 @@ def test_a_small_ball_touches_height_fields_where_height_says():
     data = mujoco.MjData(model)
     points = np.random.default_rng(0).uniform([0.05, -1.4], [1.95, 1.4], (200, 2))
     x, y = points.T
-    height, tiny = course.height(x, y), 1e-6
-    steepness = (
-        np.hypot(course.height(x + tiny, y) - height, course.height(x, y + tiny) - height) / tiny
-    )
+    height = course.height(x, y)
+    tiny = 1e-6
+    rise_ahead = (course.height(x + tiny, y) - height) / tiny
+    rise_left = (course.height(x, y + tiny) - height) / tiny
+    steepness = np.hypot(rise_ahead, rise_left)
     upward = 1 / np.hypot(1, steepness)  # of the surface's normal
     depth = np.full(len(points), np.nan)
     for k, point in enumerate(points):
         data.qpos[:3] = *point, height[k] + 5e-4
         mujoco.mj_forward(model, data)
         depth[k] = -data.contact.dist.min()
-    assert np.median(np.abs(depth - (1e-3 - 5e-4 * upward))) < 1e-9
+    missed = np.abs(depth - (1e-3 - 5e-4 * upward))
+    assert np.median(missed) < 1e-9
     # beside edges, another triangle is a little nearer
-    assert np.abs(depth - (1e-3 - 5e-4 * upward)).max() < 5e-5
+    assert missed.max() < 5e-5
 
 
 def test_seams_are_flush():
     ramps = Ramp(0.3, 1.7), Flat(1.0), Ramp(-0.7, 2.3), Beams(), Ramp(0.1)
     pieces = (*ramps, SideSlope(0.4), Pallets(), Rough(), Step())
     course = Course(pieces)
-    seams, aside = np.array([placed.x for placed in course.placed[:-2]]), 3e-9
+    seams = np.array([placed.x for placed in course.placed[:-2]])
+    aside = 3e-9
     y = np.linspace(-1.5, 1.5, 7)[:, None]
-    before, behind = course.height(seams - aside, y), course.height(seams + aside, y)
+    before = course.height(seams - aside, y)
+    behind = course.height(seams + aside, y)
     level = np.abs(before - behind).max(axis=0)
     assert (level[:-1] < 1e-7).all()  # height fields are in single precision
     inner = seams[5] + np.array([1.0, 4.0])  # between the side slope and its twisted stretches
-    np.testing.assert_allclose(
-        course.height(inner - aside, y), course.height(inner + aside, y), atol=1e-7
-    )
+    before = course.height(inner - aside, y)
+    behind = course.height(inner + aside, y)
+    np.testing.assert_allclose(before, behind, atol=1e-7)
     heights = [placed.z for placed in course.placed[:-2]]
     np.testing.assert_allclose(course.height(seams - aside, 0.0), heights, atol=1e-8)
 
@@ -79,34 +86,35 @@ def test_rough_ground_has_its_height_and_its_spectrum():
     heights = course.solids[1].heights
     assert np.ptp(heights) == pytest.approx(0.2, rel=1e-12)
     assert (heights[:, [0, -1]] == 0.0).all()
-    inner = (
-        heights[:, 1:-1] * np.hanning(heights.shape[1] - 2) * np.hanning(heights.shape[0])[:, None]
-    )
-    power = np.abs(np.fft.rfft2(inner)) ** 2
+    inner = heights[:, 1:-1]
     rows, columns = inner.shape
+    window = np.hanning(columns) * np.hanning(rows)[:, None]
+    power = np.abs(np.fft.rfft2(inner * window)) ** 2
     wave_number = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns))
     band = (wave_number > 0.05) & (wave_number < 0.4)
-    slope = np.polyfit(np.log(wave_number[band]), np.log(power[band]), 1)[0]
+    slope, _ = np.polyfit(np.log(wave_number[band]), np.log(power[band]), 1)
     assert slope == pytest.approx(-3.0, abs=0.1)
 
 
 def test_a_piece_depends_on_the_seed_and_on_no_other_piece():
     pieces = (Rough(), Beams(yaw=0.3))
-    one, again, other = Course(pieces, seed=2), Course(pieces, seed=2), Course(pieces, seed=3)
+    one = Course(pieces, seed=2)
+    again = Course(pieces, seed=2)
+    other = Course(pieces, seed=3)
     assert (one.solids[1].heights == again.solids[1].heights).all()
     assert one.solids[2:] == again.solids[2:]
     assert (one.solids[1].heights != other.solids[1].heights).any()
     longer = Course((Flat(3.0), Pallets(), *pieces), seed=2)
-    assert any(
-        getattr(solid, "quaternion", None) == one.solids[-1].quaternion for solid in longer.solids
-    )
-    twice = Course((Rough(), Rough())).solids[1:3]
-    assert (twice[0].heights != twice[1].heights).any()
+    quaternions = [getattr(solid, "quaternion", None) for solid in longer.solids]
+    assert one.solids[-1].quaternion in quaternions
+    first, second = Course((Rough(), Rough())).solids[1:3]
+    assert (first.heights != second.heights).any()
 
 
 def test_given_heights_are_rows_to_the_left_and_columns_ahead():
     heights = np.zeros((3, 5))
-    heights[2, 3], heights[0, 1] = 0.2, -0.1
+    heights[2, 3] = 0.2
+    heights[0, 1] = -0.1
     course = Course((HeightField(heights, length=4.0, width=2.0),))
     x, y = np.meshgrid(np.linspace(0.0, 4.0, 5), [-1.0, 0.0, 1.0])
     np.testing.assert_allclose(course.height(x, y), heights, atol=1e-7)
@@ -135,9 +143,8 @@ def test_elevation_is_height_but_for_edges():
 @pytest.mark.parametrize("name", course_names())
 def test_heights_are_mujocos_and_start_and_goal_are_level(name):
     course = load_course(name)
-    points = np.random.default_rng(0).uniform(
-        course.bounds[0, :2] - 0.1, course.bounds[1, :2] + 0.1, (1000, 2)
-    )
+    low, high = course.bounds[:, :2]
+    points = np.random.default_rng(0).uniform(low - 0.1, high + 0.1, (1000, 2))
     height, _ = look_down(course.model, points)
     np.testing.assert_allclose(course.height(*points.T), height, atol=1e-9)
     around = np.linspace(-0.5, 0.5, 11)

@@ -8,7 +8,9 @@ from mujoco import batch
 from sim.tracks import Belts, Track, add_tracks, connect
 from trackslip.errors import InvalidValueError
 
-MASS, RADIUS, G = 8.0, 0.05, 9.81
+MASS = 8.0
+RADIUS = 0.05
+G = 9.81
 BELT = Track(half_gauge=0.0, side="left", width=0.3, hull=[(-1.0, 0.0, RADIUS), (1.0, 0.0, RADIUS)])
 
 
@@ -29,7 +31,8 @@ def conveyor(slope=0.0, loads=("crate",)):
 
 def test_a_conveyor_carries_a_crate_at_its_speed():
     model = conveyor()
-    data, belts = mujoco.MjData(model), Belts(model)
+    data = mujoco.MjData(model)
+    belts = Belts(model)
     belts.set([0.3])
     for _ in range(1000):
         belts.step(data)
@@ -39,29 +42,32 @@ def test_a_conveyor_carries_a_crate_at_its_speed():
     assert reading.load[0] == pytest.approx(MASS * G, rel=0.01)
     assert belts.motors().position[0] == pytest.approx(0.3 * data.time)
     # the crate lags by what it slid until it was as fast: v^2 / (2 mu g)
-    assert data.qpos[0] == pytest.approx(0.3 * data.time - 0.3**2 / (2 * 0.7 * G), abs=2e-3)
+    slid = 0.3**2 / (2 * 0.7 * G)
+    assert data.qpos[0] == pytest.approx(0.3 * data.time - slid, abs=2e-3)
 
 
 @pytest.mark.parametrize("speed", [0.2, 0.0, -0.2])
 def test_uphill_a_conveyors_motor_bears_the_crate(speed):
     slope = 0.2
     model = conveyor(slope)
-    data, belts = mujoco.MjData(model), Belts(model)
+    data = mujoco.MjData(model)
+    belts = Belts(model)
     belts.set([speed], torque_limit=5.0, inertia=0.01)
     for _ in range(500):
         belts.step(data)
     motor = belts.motors()
-    np.testing.assert_allclose(
-        data.qvel[[0, 2]], [speed * np.cos(slope), speed * np.sin(slope)], atol=3e-3
-    )
+    expected = [speed * np.cos(slope), speed * np.sin(slope)]
+    np.testing.assert_allclose(data.qvel[[0, 2]], expected, atol=3e-3)
     assert motor.torque[0] == pytest.approx(RADIUS * MASS * G * np.sin(slope), rel=0.03)
     assert motor.position[0] == pytest.approx(speed * data.time, abs=0.01)
 
 
 def test_too_weak_a_motor_lets_the_crate_roll_back():
     model = conveyor(0.2)
-    data, belts = mujoco.MjData(model), Belts(model)
-    belts.set([0.2], torque_limit=0.5 * RADIUS * MASS * G * np.sin(0.2), inertia=0.01)
+    data = mujoco.MjData(model)
+    belts = Belts(model)
+    needed = RADIUS * MASS * G * np.sin(0.2)
+    belts.set([0.2], torque_limit=0.5 * needed, inertia=0.01)
     for _ in range(250):
         belts.step(data)
     motor = belts.motors()

@@ -11,6 +11,11 @@ from sim.tracks.hull import Hull
 NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
 
 
+def beyond(run, wheels):
+    """Distances (W,) that wheels (W, 3) reach beyond a run's line."""
+    return wheels[:, :2] @ run.outwards + wheels[:, 2] - run.start @ run.outwards
+
+
 @given(
     st.integers(0, 6),
     st.booleans(),
@@ -18,15 +23,17 @@ NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
 )
 def test_runs_are_tangents_for_any_first_wheel_and_sense(first, backwards, spokes):
     angles = -np.linspace(0, 2 * np.pi, len(spokes), endpoint=False)
-    ring = [
-        (np.cos(a) * 1.5, np.sin(a) * 1.5, radius)
-        for a, (_, radius) in zip(angles, spokes, strict=True)
-    ]
-    chain = ring[first % len(ring) :] + ring[: first % len(ring)]
-    hull = Hull.from_wheels(chain[::-1] if backwards else chain)
+    ring = []
+    for angle, (_, radius) in zip(angles, spokes, strict=True):
+        ring.append((np.cos(angle) * 1.5, np.sin(angle) * 1.5, radius))
+    begin = first % len(ring)
+    chain = ring[begin:] + ring[:begin]
+    if backwards:
+        chain = chain[::-1]
+    hull = Hull.from_wheels(chain)
     assert len(hull.wheels) == len(ring)
     for run in hull.runs:  # every wheel lies inside, and two of them touch
-        reach = hull.wheels[:, :2] @ run.outwards + hull.wheels[:, 2] - run.start @ run.outwards
+        reach = beyond(run, hull.wheels)
         assert reach.max() < 1e-12
         assert (np.abs(reach) < 1e-12).sum() == 2
 
@@ -37,29 +44,22 @@ def test_the_belt_runs_around_the_convex_hull_of_its_wheels(order):
     one inside.
     """
     outside = [(0.44, -0.13, 0.06), (0.29, -0.28, 0.05), (-0.23, -0.28, 0.05), (-0.39, -0.19, 0.08)]
-    road, above = (
-        [(0.04, -0.277, 0.05), (0.0, -0.2, 0.04)],
-        [(-0.29, -0.087, 0.042), (0.3, -0.087, 0.042)],
-    )
+    road = [(0.04, -0.277, 0.05), (0.0, -0.2, 0.04)]
+    above = [(-0.29, -0.087, 0.042), (0.3, -0.087, 0.042)]
     wheels = [*outside, *road, *above]
     hull = Hull.from_wheels([wheels[k] for k in order])
     assert sorted(map(tuple, hull.wheels)) == sorted([*outside, *above])
     for run in hull.runs:
-        x, z, radius = np.array(wheels).T
-        reach = run.outwards @ [x, z] + radius - run.start @ run.outwards
-        assert reach.max() < 1e-12
+        assert beyond(run, np.array(wheels)).max() < 1e-12
 
 
 def test_the_length_of_the_belt_is_that_of_the_convex_hull():
     hull = Hull.from_wheels(NOSE)
+    """Cauchy's formula: the integral of the reach over all directions."""
+    x, z, radius = hull.wheels.T[:, :, None]
     turns = np.linspace(0, 2 * np.pi, 20_001)
-    reach = np.max(
-        hull.wheels[:, :1] * np.cos(turns)
-        + hull.wheels[:, 1:2] * np.sin(turns)
-        + hull.wheels[:, 2:],
-        axis=0,
-    )
-    perimeter = np.trapezoid(reach, turns)  # Cauchy's formula
+    reach = x * np.cos(turns) + z * np.sin(turns) + radius
+    perimeter = np.trapezoid(reach.max(axis=0), turns)
     assert hull.ends[-1] == pytest.approx(perimeter, rel=1e-6)
 
 
@@ -67,7 +67,8 @@ def test_belts_move_as_far_as_they_run_and_with_their_body():
     spec = plane()
     add_robot(spec)
     model, data, belts = built(spec)
-    scene, drawn = mujoco.MjvScene(model, 1000), DrawnTracks(belts)
+    scene = mujoco.MjvScene(model, 1000)
+    drawn = DrawnTracks(belts)
 
     def places():
         mujoco.mj_forward(model, data)
@@ -79,17 +80,19 @@ def test_belts_move_as_far_as_they_run_and_with_their_body():
     np.testing.assert_allclose(np.abs(first[:, 1]), 0.2, atol=1e-6)
     belts.set([0.1, 0.0])
     data.time = 0.1
-    later, left = places(), first[:, 1] > 0
+    later = places()
+    left = first[:, 1] > 0
     np.testing.assert_array_equal(later[~left], first[~left])
     # shoes on the ground go backwards
-    lower = left & (first[:, 2] < 0.01) & (np.abs(first[:, 0]) < 0.2)
-    np.testing.assert_allclose(
-        later[lower] - first[lower], [[-0.01, 0, 0]] * lower.sum(), atol=1e-6
-    )
+    on_ground = (first[:, 2] < 0.01) & (np.abs(first[:, 0]) < 0.2)
+    lower = left & on_ground
+    moved = later[lower] - first[lower]
+    np.testing.assert_allclose(moved, [[-0.01, 0, 0]] * lower.sum(), atol=1e-6)
     assert lower.sum() > 5
     data.time = 0.0
     np.testing.assert_array_equal(places(), first)
     half = np.pi / 4
     data.qpos[:7] = 1.0, 2.0, 0.5, np.cos(half), 0, 0, np.sin(half)  # a quarter turn to the left
-    turned = first @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [1.0, 2.0, 0.5]
+    x, y, z = first.T
+    turned = np.column_stack([1.0 - y, 2.0 + x, 0.5 + z])
     np.testing.assert_allclose(places(), turned, atol=1e-6)

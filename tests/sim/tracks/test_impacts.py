@@ -29,7 +29,11 @@ def test_a_beam_stops_a_falling_robot_and_bears_the_whole_load(preset):
     body.add_joint(name="rail", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     model, data, belts = built(spec, preset, terrain=[beam])
     data.qpos[0] = DROP
-    heights, depths, loads, cores, speeds = [], [], [], 0, [0.0]
+    heights = []
+    depths = []
+    loads = []
+    cores = 0
+    speeds = [0.0]
     while data.time < 0.25:
         mujoco.mj_step(model, data)
         reading = belts.read(data)
@@ -39,9 +43,9 @@ def test_a_beam_stops_a_falling_robot_and_bears_the_whole_load(preset):
         speeds.append(data.qvel[0])
         cores += len(touching_cores(data))
     assert cores
-    np.testing.assert_allclose(
-        25 * np.diff(speeds) / model.opt.timestep, np.array(loads) - WEIGHT, atol=1e-6 * WEIGHT
-    )
+    acceleration = np.diff(speeds) / model.opt.timestep
+    net_force = np.array(loads) - WEIGHT
+    np.testing.assert_allclose(25 * acceleration, net_force, atol=1e-6 * WEIGHT)
     assert max(depths) < BOUNDS[preset]
     assert depths[-1] < 1.1 * PRESETS[preset].core_depth  # the core has pushed it out again
     landed = int(np.argmin(heights))
@@ -56,23 +60,24 @@ def test_belts_of_light_modules_that_slide_do_not_hop(preset, mass):
     spec = plane()
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint()
-    body.mass, body.ipos, body.inertia, body.explicitinertial = (
-        17.0,
-        [0, 0, 0.15],
-        [0.15, 0.4, 0.5],
-        True,
-    )
+    body.mass = 17.0
+    body.ipos = [0, 0, 0.15]
+    body.inertia = [0.15, 0.4, 0.5]
+    body.explicitinertial = True
     for x in (-0.2, 0.2):
         for side in (-1.0, 1.0):
             module = body.add_body(name=f"module {x} {side}", pos=[x, 0.2 * side, 0.08])
-            module.mass, module.ipos, module.explicitinertial = mass, [0, 0, 0], True
+            module.mass = mass
+            module.ipos = [0, 0, 0]
+            module.explicitinertial = True
             module.inertia = [0.0015 * mass, 0.005 * mass, 0.005 * mass]
             module.add_joint(name=module.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
             hull = [(-0.125, 0, 0.08), (0.125, 0, 0.08)]
             options = {"half_gauge": 0.0, "side": "left", "load": 0.5, "preset": preset}
             add_tracks(spec, module, Track(hull=hull, **options), terrain=["ground"])
     model = spec.compile()
-    data, belts = mujoco.MjData(model), Belts(model)
+    data = mujoco.MjData(model)
+    belts = Belts(model)
     for speed in (0.3, 0.6):
         mujoco.mj_resetData(model, data)
         belts.set([speed, -speed] * 2)

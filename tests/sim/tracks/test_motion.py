@@ -1,3 +1,6 @@
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 import pytest
@@ -18,30 +21,45 @@ def icr_half_width(speeds, yaw_rate):
     return (speeds[1] - speeds[0]) / (2 * yaw_rate)
 
 
-SLOWLY, ON_THE_SPOT = (0.04, 0.06), (-0.5, 0.5)
+SLOWLY = (0.04, 0.06)
+ON_THE_SPOT = (-0.5, 0.5)
 FORWARDS = 0.3 * HALF_LENGTH
 
 
-@pytest.mark.parametrize(
-    ("ground", "preset", "speeds", "com_x", "across", "bound"),
-    [
-        (plane, "accurate", SLOWLY, FORWARDS, 0.7, 0.025),
-        (plane, "accurate", SLOWLY, 0.0, 0.9, 0.01),
-        (slab, "accurate", SLOWLY, 0.0, 0.7, 0.01),
-        (slab, "accurate", ON_THE_SPOT, 0.0, 0.7, 0.03),
-        (slab, "fast", SLOWLY, 0.0, 0.7, 0.015),
-        (plane, "fast", ON_THE_SPOT, 0.0, 0.7, 0.05),
-    ],
-)
-def test_turns_have_the_centres_of_rotation_of_theory(ground, preset, speeds, com_x, across, bound):
-    spec, heading = ground(), 1.0
-    add_robot(spec, com_x).quat = [np.cos(heading / 2), 0, 0, np.sin(heading / 2)]
-    _, data, _ = driven(spec, speeds, 1.5, preset, friction=(0.7, across))
-    theory = steady_twist(
-        speeds, line_contact(HALF_GAUGE, HALF_LENGTH, 0.7, across, (com_x, 0.0, 0.12))
-    )
-    measured, expected = icr_half_width(speeds, data.qvel[5]), icr_half_width(speeds, theory[2])
-    assert measured - HALF_GAUGE == pytest.approx(expected - HALF_GAUGE, rel=bound)
+@dataclass(frozen=True)
+class Turn:
+    """A steady turn and the largest relative error of the ICRs' distance from the tracks."""
+
+    bound: float
+    ground: Callable = slab
+    preset: str = "accurate"
+    speeds: tuple[float, float] = SLOWLY
+    com_x: float = 0.0
+    across: float = 0.7  # coefficient of friction
+
+
+TURNS = {
+    "weight ahead": Turn(0.025, plane, com_x=FORWARDS),
+    "other friction across": Turn(0.01, plane, across=0.9),
+    "on a slab": Turn(0.01),
+    "on the spot on a slab": Turn(0.03, speeds=ON_THE_SPOT),
+    "fast": Turn(0.015, preset="fast"),
+    "fast on the spot": Turn(0.05, plane, "fast", ON_THE_SPOT),
+}
+
+
+@pytest.mark.parametrize("turn", TURNS.values(), ids=TURNS)
+def test_turns_have_the_centres_of_rotation_of_theory(turn):
+    spec = turn.ground()
+    heading = 1.0
+    add_robot(spec, turn.com_x).quat = [np.cos(heading / 2), 0, 0, np.sin(heading / 2)]
+    friction = (0.7, turn.across)
+    _, data, _ = driven(spec, turn.speeds, 1.5, turn.preset, friction=friction)
+    contact = line_contact(HALF_GAUGE, HALF_LENGTH, *friction, (turn.com_x, 0.0, 0.12))
+    _, _, yaw_rate = steady_twist(turn.speeds, contact)
+    measured = icr_half_width(turn.speeds, data.qvel[5])
+    expected = icr_half_width(turn.speeds, yaw_rate)
+    assert measured - HALF_GAUGE == pytest.approx(expected - HALF_GAUGE, rel=turn.bound)
 
 
 @pytest.mark.parametrize(("preset", "limbs"), [("accurate", 2), ("fast", 1)])
@@ -51,20 +69,20 @@ def test_tracks_on_hinged_limbs_turn_like_those_on_the_chassis(preset, limbs):
     half = HALF_LENGTH / limbs
     for sign, side in ((1, "left"), (-1, "right")):
         for k in range(limbs):
-            limb = add_flipper(
-                spec, body, f"{side}{k}", (2 * k + 1) * half - HALF_LENGTH, sign * HALF_GAUGE
-            )
+            x = (2 * k + 1) * half - HALF_LENGTH
+            limb = add_flipper(spec, body, f"{side}{k}", x, sign * HALF_GAUGE)
             limb.ipos = [0, 0, 0]
-            limb.joints[0].stiffness, limb.joints[0].damping = [600, 0, 0], [10, 0, 0]
-            hull = [(-half, 0, 0.08), (half, 0, 0.08)]
-            options = {
-                "half_gauge": 0,
-                "side": side,
-                "load": 0.5 / limbs,
-                "preset": preset,
-                "name": f"{side}{k}",
-            }
-            add_tracks(spec, limb, Track(hull=hull, **options))
+            limb.joints[0].stiffness = [600, 0, 0]
+            limb.joints[0].damping = [10, 0, 0]
+            track = Track(
+                half_gauge=0,
+                side=side,
+                hull=[(-half, 0, 0.08), (half, 0, 0.08)],
+                load=0.5 / limbs,
+                preset=preset,
+                name=f"{side}{k}",
+            )
+            add_tracks(spec, limb, track)
     connect(spec)
     measured = turned(spec, np.repeat([0, 1], limbs))
     assert measured == pytest.approx(half_width_of_theory(HALF_LENGTH), rel=0.02)
@@ -87,7 +105,8 @@ def turned(spec, side, speeds=(0.04, 0.08)):
 
 def half_width_of_theory(half_length, speeds=(0.04, 0.08)):
     contact = line_contact(HALF_GAUGE, half_length, 0.7, 0.7, (0.0, 0.0, 0.12))
-    return icr_half_width(speeds, steady_twist(speeds, contact)[2])
+    _, _, yaw_rate = steady_twist(speeds, contact)
+    return icr_half_width(speeds, yaw_rate)
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -121,16 +140,16 @@ def test_a_belt_moves_relative_to_its_moving_flipper():
     spec = slab()
     body = add_robot(spec)
     flipper = add_flipper(spec, body, "flipper", 0.25, 0.28)
-    hulls = {"robot": HULL, "flipper": [(0, 0, 0.08), (0.25, 0, 0.05)]}
-    add_tracks(spec, body, Track(half_gauge=0.2, hull=hulls["robot"]), terrain="ground")
-    add_tracks(
-        spec, flipper, Track(half_gauge=0.0, side="left", hull=hulls["flipper"]), terrain="ground"
-    )
+    add_tracks(spec, body, Track(half_gauge=0.2, hull=HULL), terrain="ground")
+    one_side = Track(half_gauge=0.0, side="left", hull=[(0, 0, 0.08), (0.25, 0, 0.05)])
+    add_tracks(spec, flipper, one_side, terrain="ground")
     model = spec.compile()
-    belts, data = Belts(model), mujoco.MjData(model)
+    belts = Belts(model)
+    data = mujoco.MjData(model)
     speeds = np.array([0.3, -0.2, 0.7])
     belts.set(speeds)
-    generator, seen = np.random.default_rng(0), set()
+    generator = np.random.default_rng(0)
+    seen = set()
     for _ in range(60):
         data.qpos[:3] = [0, 0, generator.uniform(-0.004, 0.0)]
         data.qpos[3:7] = generator.normal([1, 0, 0, 0], 0.01)
@@ -144,37 +163,37 @@ def test_a_belt_moves_relative_to_its_moving_flipper():
             geom, sign = max((contact.geom[0], -1), (contact.geom[1], 1))
             track = model.geom_bodyid[geom]
             k = belts.bodies.tolist().index(track)
-            centre, axis = data.geom_xpos[geom], data.xmat[track].reshape(3, 3)[:, 1]
+            centre = data.geom_xpos[geom]
+            axis = data.xmat[track].reshape(3, 3)[:, 1]
             if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE:
-                surface = (
-                    np.cross(axis, contact.pos - centre) * speeds[k] / model.geom_size[geom, 0]
-                )
+                out = np.cross(axis, contact.pos - centre)
+                surface = out * speeds[k] / model.geom_size[geom, 0]
             else:
                 surface = data.geom_xmat[geom].reshape(3, 3)[:, 2] * speeds[k]
             velocity = np.zeros(6)
             mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, track, velocity, 0)
-            moving = velocity[3:] + np.cross(velocity[:3], contact.pos - data.xipos[track])
-            expected = sign * contact.frame.reshape(3, 3)[1:] @ (moving + surface)
+            turning = np.cross(velocity[:3], contact.pos - data.xipos[track])
+            moving = velocity[3:] + turning
+            in_plane = contact.frame.reshape(3, 3)[1:]
+            expected = sign * in_plane @ (moving + surface)
             row = contact.efc_address
             np.testing.assert_allclose(data.efc_vel[row + 1 : row + 3], expected, atol=1e-12)
             seen.add((k, int(model.geom_type[geom])))
     assert len(seen) == 6  # capsules and spheres of all three tracks
 
 
-WIDTH, HEIGHT = 0.12, 0.12  # of the belts, and of the centre of mass [m]
+WIDTH = 0.12  # of the belts [m]
+HEIGHT = 0.12  # of the centre of mass [m]
 
 
 def even_pressure(along=200, across=12):
+    """Contact at points spread evenly over both belts."""
     x = ((np.arange(along) + 0.5) / along - 0.5) * 2 * HALF_LENGTH
     y = ((np.arange(across) + 0.5) / across - 0.5) * WIDTH
-    x, y = np.repeat(x, across), np.tile(y, along)
-    return Contact(
-        np.tile(x, 2),
-        np.concatenate([HALF_GAUGE + y, y - HALF_GAUGE]),
-        0.7,
-        1.0,
-        (FORWARDS, 0.0, HEIGHT),
-    )
+    x = np.repeat(x, across)
+    y = np.tile(y, along)
+    both_y = np.concatenate([y + HALF_GAUGE, y - HALF_GAUGE])
+    return Contact(np.tile(x, 2), both_y, 0.7, 1.0, (FORWARDS, 0.0, HEIGHT))
 
 
 @pytest.mark.parametrize(
@@ -187,8 +206,8 @@ def test_wide_belts_turn_like_an_even_pressure(preset, speeds, bound):
     measured = icr_half_width(speeds, data.qvel[5])
     expected = icr_half_width(speeds, steady_twist(speeds, even_pressure(), 9.81)[2])
     assert measured == pytest.approx(expected, rel=bound)
-    narrow = steady_twist(speeds, even_pressure(across=1), 9.81)[2]
-    assert expected > 1.02 * icr_half_width(speeds, narrow)  # the width shows
+    narrow = icr_half_width(speeds, steady_twist(speeds, even_pressure(across=1), 9.81)[2])
+    assert expected > 1.02 * narrow  # the width shows
 
 
 def tips(preset, slope, height):
@@ -199,10 +218,12 @@ def tips(preset, slope, height):
     model, data, belts = built(spec, preset, friction=(4.0, 4.0), width=WIDTH)
     belts.set([0.0, 0.0])
     for part in np.sin(np.linspace(0, np.pi / 2, 400)):  # tilted slowly, to the left
-        model.opt.gravity[:] = 9.81 * np.array([0, np.sin(part * slope), -np.cos(part * slope)])
+        angle = part * slope
+        model.opt.gravity[:] = 9.81 * np.array([0, np.sin(angle), -np.cos(angle)])
         mujoco.mj_step(model, data, nstep=round(0.01 / model.opt.timestep))
     mujoco.mj_step(model, data, nstep=round(3.0 / model.opt.timestep))
-    return bool(data.xmat.reshape(-1, 3, 3)[1, 2, 2] < np.cos(np.radians(30)))
+    upright = data.xmat.reshape(-1, 3, 3)[1, 2, 2]
+    return bool(upright < np.cos(np.radians(30)))
 
 
 @pytest.mark.parametrize(
@@ -220,5 +241,6 @@ def test_no_point_is_softer_than_the_engine_knows(segments, across, inertia):
     add_robot(spec).inertia = [inertia] * 3
     model, _, _ = built(spec, segments=segments, friction=(0.7, across), width=WIDTH)
     assert model.pair_solimp[:, :2].min() >= mujoco.mjMINIMP
-    grip = model.pair_solreffriction[:, 1] / np.maximum(model.pair_solimp[:, 0], mujoco.mjMINIMP)
+    impedance = np.maximum(model.pair_solimp[:, 0], mujoco.mjMINIMP)
+    grip = model.pair_solreffriction[:, 1] / impedance
     np.testing.assert_allclose(grip, -PRESETS["accurate"].grip, rtol=1e-6)

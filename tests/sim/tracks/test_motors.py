@@ -7,7 +7,8 @@ from sim.tracks import Belts, Track, add_tracks
 from trackslip.skid_theory import line_contact, steady_twist
 from trackslip.skid_theory.contact import ground_wrench
 
-G, SLOPE = 9.81, np.radians(15.0)
+G = 9.81
+SLOPE = np.radians(15.0)
 RADIUS = 0.08  # of the sprocket of a robot of size 1 [m]
 
 
@@ -19,12 +20,17 @@ def robot(mass=25.0, preset="accurate", size=1.0, slope=0.0):
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint()
     x, y, z, up = np.array([0.22, 0.16, 0.05, 0.12]) * size
-    shape = {"size": [x, y, z], "pos": [0, 0, up], "mass": mass, "contype": 0, "conaffinity": 0}
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, **shape)
-    hull = np.array([(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]) * size
-    add_tracks(
-        spec, "robot", Track(half_gauge=0.2 * size, hull=hull, preset=preset), terrain="ground"
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[x, y, z],
+        pos=[0, 0, up],
+        mass=mass,
+        contype=0,
+        conaffinity=0,
     )
+    hull = np.array([(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]) * size
+    track = Track(half_gauge=0.2 * size, hull=hull, preset=preset)
+    add_tracks(spec, "robot", track, terrain="ground")
     model = spec.compile()
     return model, mujoco.MjData(model), Belts(model)
 
@@ -36,7 +42,11 @@ def step(model, data, belts, time):
 
 @pytest.mark.parametrize(
     ("preset", "mass", "size", "share"),
-    [("fast", 25.0, 1.0, 0.0), ("accurate", 1.0, 0.4, 1e-4), ("fast", 5000.0, 6.0, 0.3)],
+    [
+        pytest.param("fast", 25.0, 1.0, 0.0, id="no inertia"),
+        pytest.param("accurate", 1.0, 0.4, 1e-4, id="small"),
+        pytest.param("fast", 5000.0, 6.0, 0.3, id="large"),
+    ],
 )
 def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, size, share):
     """By 1 % of its weight downhill, uphill or downwards; the belts' inertia J / r^2 is a share of
@@ -44,10 +54,12 @@ def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, siz
     """
     model, data, belts = robot(mass, preset, size, SLOPE)
     step(model, data, belts, 0.3)
-    radius, downhill = RADIUS * size, G * np.sin(SLOPE)
+    radius = RADIUS * size
+    inertia = share * mass * radius**2 / 2
+    downhill = G * np.sin(SLOPE)
     for torque in (0.99, 1.01):
         limit = torque * mass * downhill * radius / 2
-        belts.set([0.2, 0.2], torque_limit=limit, inertia=share * mass * radius**2 / 2)
+        belts.set([0.2, 0.2], torque_limit=limit, inertia=inertia)
         before = data.qvel[0]
         step(model, data, belts, 0.3)
         expected = 0.3 * (torque - 1) * downhill / (1 + share)
@@ -59,13 +71,19 @@ def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, siz
 def test_impulse_and_energy_are_balanced(preset, share):
     model, data, belts = robot(preset=preset)
     step(model, data, belts, 0.5)
-    mass, force = share * 25.0, 0.15 * 25.0 * G  # of each belt
+    # of each belt
+    mass = share * 25.0
+    force = 0.15 * 25.0 * G
     belts.set([5.0, 5.0], torque_limit=force * RADIUS, inertia=mass * RADIUS**2)
-    impulse, work, lost, h = np.zeros(2), np.zeros(2), 0.0, model.opt.timestep
+    impulse = np.zeros(2)
+    work = np.zeros(2)
+    lost = 0.0
+    h = model.opt.timestep
     for _ in range(200):
         before = belts.motors().speed
         belts.step(data)
-        motor, reading = belts.motors(), belts.read(data)
+        motor = belts.motors()
+        reading = belts.read(data)
         traction = reading.traction
         impulse += (motor.torque / RADIUS - traction) * h
         work += traction * (before + motor.speed) / 2 * h
@@ -76,11 +94,14 @@ def test_impulse_and_energy_are_balanced(preset, share):
 
 
 def test_turns_need_the_torque_of_theory_and_stop_without_it():
-    speeds, contact = np.array([-0.2, 0.2]), line_contact(0.2, 0.25, 0.7, 0.7)
+    speeds = np.array([-0.2, 0.2])
+    contact = line_contact(0.2, 0.25, 0.7, 0.7)
     left = contact.y > 0
     # of the left track alone
-    belts, loads = np.where(left, *speeds), contact.loads(np.zeros(2)) * left
-    traction = ground_wrench(steady_twist(speeds, contact), belts, contact, loads, shear=1e-9)[0]
+    belts = np.where(left, *speeds)
+    loads = contact.loads(np.zeros(2)) * left
+    twist = steady_twist(speeds, contact)
+    traction, *_ = ground_wrench(twist, belts, contact, loads, shear=1e-9)
     needed = 25.0 * G * abs(traction) * RADIUS
     turned = []
     for torque in (0.95, 1.05):
@@ -89,13 +110,15 @@ def test_turns_need_the_torque_of_theory_and_stop_without_it():
         belts.set(speeds, torque_limit=torque * needed)
         step(model, data, belts, 0.5)
         turned.append(data.qvel[5])
-    assert turned[0] < 0.05
-    assert turned[1] == pytest.approx(steady_twist(speeds, contact)[2], rel=0.03)
+    too_weak, strong_enough = turned
+    assert too_weak < 0.05
+    assert strong_enough == pytest.approx(twist[2], rel=0.03)
 
 
 @pytest.mark.parametrize(("limit", "within"), [(None, 0.0), (1e9, 1e-9)])
 def test_without_motors_a_step_is_the_engines(limit, within):
-    (model, data, belts), (other, there, same) = robot(), robot()
+    model, data, belts = robot()
+    other, there, same = robot()
     belts.set([0.2, 0.3], torque_limit=limit)
     same.set([0.2, 0.3])
     step(model, data, belts, 0.2)

@@ -52,18 +52,18 @@ def test_wheels_on_an_edge_pull_along_the_belt_there():
     mujoco.mj_step(model, data, 300)
     wall = model.geom("wall").id
     assert (data.contact.geom == wall).any()
-    reading, pull, load = belts.read(data), 0.0, 0.0
+    reading = belts.read(data)
+    pull = 0.0
+    load = 0.0
     for i, contact in enumerate(data.contact):
         force = np.zeros(6)
         mujoco.mj_contactForce(model, data, i, force)
         load += force[0]
-        out = contact.frame[:3] * (1 if contact.geom[1] < contact.geom[0] else -1)  # from the track
+        towards_track = 1 if contact.geom[1] > contact.geom[0] else -1
+        frame = contact.frame.reshape(3, 3)
+        out = -towards_track * frame[0]  # from the track
         ahead = np.cross([0, 1, 0], -out)
-        on_track = (
-            contact.frame.reshape(3, 3).T
-            @ force[:3]
-            * (1 if contact.geom[1] > contact.geom[0] else -1)
-        )
+        on_track = towards_track * (frame.T @ force[:3])
         pull += ahead @ on_track
     np.testing.assert_allclose(reading.traction.sum(), pull, rtol=1e-4)
     np.testing.assert_allclose(reading.load.sum(), load, rtol=1e-9)
@@ -73,7 +73,8 @@ def test_wheels_on_an_edge_pull_along_the_belt_there():
 def on_a_field(length, cell, preset):
     """A robot of this length at rest on a level height field: model, data and belts."""
     count = round(1.7 * length / cell / 2) * 2 + 2
-    side, radius = count * cell, 0.16 * length
+    side = count * cell
+    radius = 0.16 * length
     course = Course((HeightField(np.zeros((count + 1, count + 1)), side, side),), width=side)
     spec = mujoco.MjSpec()
     turned = [np.cos(0.15), 0, 0, np.sin(0.15)]  # by 0.3 rad
@@ -84,12 +85,8 @@ def on_a_field(length, cell, preset):
         type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, length / 4], mass=200 * length**3
     )
     hull = [(-length / 2, radius, radius), (length / 2, radius, radius)]
-    add_tracks(
-        spec,
-        "robot",
-        Track(half_gauge=0.4 * length, hull=hull, preset=preset),
-        terrain=course.add_to(spec),
-    )
+    track = Track(half_gauge=0.4 * length, hull=hull, preset=preset)
+    add_tracks(spec, "robot", track, terrain=course.add_to(spec))
     model = spec.compile()
     return model, mujoco.MjData(model), Belts(model)
 
@@ -117,14 +114,14 @@ def test_the_load_on_a_height_field_is_the_weight(length, cell, preset):
         mujoco.mj_step(model, data)
         load.append(belts.read(data).load.sum())
     weight = 9.81 * model.body_subtreemass[0]
-    assert np.mean(load[len(load) // 2 :]) == pytest.approx(weight, rel=0.01)
+    second_half = load[len(load) // 2 :]
+    assert np.mean(second_half) == pytest.approx(weight, rel=0.01)
 
 
 def test_a_reading_that_lacks_contacts_says_so():
     model, data, belts = on_a_field(0.5, 0.02, "accurate")
     belts._map.slots[:] = 20  # noqa: SLF001  no terrain of a test has as many contacts as it may have
     mujoco.mj_step(model, data, 200)
-    with pytest.raises(
-        TrackslipError, match="touches the terrain at more points than its sensor reports"
-    ):
+    said = "touches the terrain at more points than its sensor reports"
+    with pytest.raises(TrackslipError, match=said):
         belts.read(data)

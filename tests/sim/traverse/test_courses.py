@@ -62,7 +62,8 @@ def test_a_harder_course_has_larger_obstacles(kind):
     sizes = []
     for difficulty in (0.0, 0.5, 1.0):
         course = draw_course("random", difficulty, np.random.default_rng(5), HULL, 1, (kind,))
-        height = np.ptp(course.height(np.linspace(-0.5, course.goal, 400), 0.0))
+        x = np.linspace(-0.5, course.goal, 400)
+        height = np.ptp(course.height(x, 0.0))
         sizes.append(course.goal if kind == "gap" else height)
     assert sizes == sorted(set(sizes))
 
@@ -84,10 +85,12 @@ def tank(tmp_path_factory):
 def test_a_long_robot_starts_where_all_of_it_stands(tank):
     course = Footprint.of(tank).fit(RAMP)
     world = Traverse(tank, [course], threads=1, preset="accurate")
-    weight, still = 45000 * 9.81, Command(np.zeros((1, 2)), np.zeros((1, 0)))
+    weight = 45000 * 9.81
+    still = Command(np.zeros((1, 2)), np.zeros((1, 0)))
     # the gap at which robots are put down
     assert world.state.position[0, 2] == pytest.approx(0.002)
-    assert world.state.position[0, 0] + 2.9 + 0.35 <= 0
+    front = world.state.position[0, 0] + 2.9 + 0.35
+    assert front <= 0
     heaviest = 0.0
     for _ in range(10):
         world.step(still)
@@ -97,18 +100,16 @@ def test_a_long_robot_starts_where_all_of_it_stands(tank):
     assert abs(world.state.pitch[0]) < 1e-3
     # it has crossed the course when all of it has, and stands on the goal platform then
     assert world.goal[0] == pytest.approx(course.placed[-2].x + 2.9 + 0.411)
-    assert world.goal[0] + 2.9 + 0.35 <= 1e-9 + course.placed[-1].x
+    front = world.goal[0] + 2.9 + 0.35
+    assert front <= 1e-9 + course.placed[-1].x
 
 
 def test_a_course_that_a_robot_does_not_fit_on_is_refused(tank):
-    with pytest.raises(
-        InvalidValueError,
-        match=r"start_length = 2.0: must be at least 6.61 m for this robot to stand",
-    ):
+    said = r"start_length = 2.0: must be at least 6.61 m for this robot to stand"
+    with pytest.raises(InvalidValueError, match=said):
         Traverse(tank, [RAMP], threads=1)
-    with pytest.raises(
-        InvalidValueError, match=r"width = 3.0: must be at least 3.3 m for this robot to stand"
-    ):
+    said = r"width = 3.0: must be at least 3.3 m for this robot to stand"
+    with pytest.raises(InvalidValueError, match=said):
         Traverse(tank, [replace(RAMP, start_length=8.0)], threads=1)
     Traverse(tank, [replace(RAMP, start_length=8.0, width=4.0)], threads=1)
 
@@ -122,46 +123,51 @@ def drawn(name, difficulty, seed=0):
 
 
 def highest(course):
-    return course.height(
-        np.linspace(-1.0, course.goal, 2001)[:, None], np.array([-0.4, 0.02, 0.4])
-    ).max()
+    x = np.linspace(-1.0, course.goal, 2001)
+    y = np.array([-0.4, 0.02, 0.4])
+    return course.height(x[:, None], y).max()
 
 
 def test_sizes_are_those_published():
-    steps, narrow = (0.2, 0.4), (0.1, 0.3)  # heights at difficulties 0 and 1 [m]
-    heights = {
-        "steps_up": steps,
-        "uplifts": steps,
-        "one_sided": narrow,
+    at_difficulties_0_and_1 = {  # heights [m]
+        "steps_up": (0.2, 0.4),
+        "uplifts": (0.2, 0.4),
+        "one_sided": (0.1, 0.3),
         "waves": (0.1, 0.4),
         "rails": (0.2, 0.3),
     }
-    for kind, (low, high) in heights.items():
+    for kind, (low, high) in at_difficulties_0_and_1.items():
         for difficulty, expected in ((0.0, low), (1.0, high), (0.5, (low + high) / 2)):
-            assert highest(drawn(f"{kind}_published", difficulty)) == pytest.approx(
-                expected, rel=0.03
-            )
-            assert highest(drawn(kind, difficulty)) == pytest.approx(0.8 * expected, rel=0.03)
-    for difficulty, angle in ((0.0, 20.0), (1.0, 45.0)):
+            published = drawn(f"{kind}_published", difficulty)
+            assert highest(published) == pytest.approx(expected, rel=0.03)
+            ours = drawn(kind, difficulty)
+            assert highest(ours) == pytest.approx(0.8 * expected, rel=0.03)
+    for difficulty, expected in ((0.0, 20.0), (1.0, 45.0)):
         (stairs,) = drawn("stairs_down_published", difficulty).pieces
-        assert np.degrees(np.arctan2(-stairs.rise, stairs.run)) == pytest.approx(angle)
+        angle = np.degrees(np.arctan2(-stairs.rise, stairs.run))
+        assert angle == pytest.approx(expected)
         assert 0.2 <= stairs.run <= 0.3
-    assert drawn("steps_down_published", 1.0).pieces[0].height == pytest.approx(-0.6)
-    assert abs(drawn("rails", 1.0).pieces[0].blocks[0][5]) == pytest.approx(np.radians(45))
+    (steps,) = drawn("steps_down_published", 1.0).pieces
+    assert steps.height == pytest.approx(-0.6)
+    (rails,) = drawn("rails", 1.0).pieces
+    *_, slant = rails.blocks[0]
+    assert abs(slant) == pytest.approx(np.radians(45))
 
 
 def test_names_are_listed_and_courses_fit_into_the_environment():
     assert FTR_NAMES == FTR_COURSES
     for name in FTR_COURSES:
-        assert (
-            max(len(drawn(name, d, seed).solids) for d in (0.0, 1.0) for seed in range(20))
-            <= FTR_BOXES
-        )
+        courses = [drawn(name, hard, seed) for hard in (0.0, 1.0) for seed in range(20)]
+        assert max(len(course.solids) for course in courses) <= FTR_BOXES
         assert drawn(name, 0.3) == drawn(name, 0.3)
-    sides = {np.sign(drawn("one_sided", 0.5, seed).pieces[0].blocks[0][1]) for seed in range(20)}
+    sides = set()
+    for seed in range(20):
+        _, y, *_ = drawn("one_sided", 0.5, seed).pieces[0].blocks[0]
+        sides.add(np.sign(y))
     assert sides == {-1.0, 1.0}
     env = gym.make_vec(
         "sim:trackslip/Traverse-v0", num_envs=10, threads=1, course=KINDS, difficulty=(0.2, 0.4)
     )
     _, info = env.reset(seed=0, options={"course": list(KINDS)})
-    assert ((info["difficulty"] >= 0.2) & (info["difficulty"] <= 0.4)).all()
+    difficulty = info["difficulty"]
+    assert ((difficulty >= 0.2) & (difficulty <= 0.4)).all()

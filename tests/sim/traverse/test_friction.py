@@ -19,7 +19,8 @@ def even(across):
 
 def turned(world, speed):
     """Mean yaw rates on the spot, after they have become steady [rad/s]."""
-    command = Command(speed * np.array([[-1.0, 1.0]]), np.zeros((1, len(world.flippers.length))))
+    flippers = np.zeros((1, len(world.flippers.length)))
+    command = Command(speed * np.array([[-1.0, 1.0]]), flippers)
     rates = []
     for _ in range(120):
         world.step(command)

@@ -30,25 +30,29 @@ def test_the_observation_is_what_it_says():
 
 def test_noise_is_as_large_as_asked_and_reproducible():
     deviations = SensorNoise(0.01, 0.2, 0.05, 0.03, 0.02, 0.01, 0.1)
-    quiet, noisy = (
-        gym.make_vec(ID, num_envs=4, threads=1, course="flat", noise=noise)
-        for noise in (SensorNoise(), deviations)
-    )
-    (exact, _), (first, _) = quiet.reset(seed=0), noisy.reset(seed=0)
-    state, seen, errors = noisy.unwrapped.get_state(), [], []
+    still = np.zeros((4, 6), np.float32)
+    quiet = gym.make_vec(ID, num_envs=4, threads=1, course="flat", noise=SensorNoise())
+    noisy = gym.make_vec(ID, num_envs=4, threads=1, course="flat", noise=deviations)
+    quiet.reset(seed=0)
+    noisy.reset(seed=0)
+    state = noisy.unwrapped.get_state()
+    seen = []
+    errors = []
     for _ in range(40):
-        exact, first = (env.step(np.zeros((4, 6), np.float32))[0] for env in (quiet, noisy))
-        seen.append(first)
-        errors.append(first - exact)
+        exact, *_ = quiet.step(still)
+        observation, *_ = noisy.step(still)
+        seen.append(observation)
+        errors.append(observation - exact)
     scale = np.array([element.scale for element in noisy.unwrapped.observed])
     spread = np.std(errors, axis=(0, 1)) * scale
+    set_points = [*range(14, 18)]
+    up = 2  # the direction's vertical part, which doesn't change to first order
     expected = np.repeat([*vars(deviations).values()], [3, 3, 1, 1, 2, 4, 45])
-    np.testing.assert_allclose(
-        np.delete(spread, [2, *range(14, 18)]), np.delete(expected, 2), rtol=0.25
-    )
-    np.testing.assert_array_equal(np.array(errors)[..., 14:18], 0)  # set points
+    spread = np.delete(spread, [up, *set_points])
+    np.testing.assert_allclose(spread, np.delete(expected, up), rtol=0.25)
+    np.testing.assert_array_equal(np.array(errors)[..., set_points], 0)  # of the flippers
     noisy.unwrapped.set_state(state)
-    again = [noisy.step(np.zeros((4, 6), np.float32))[0] for _ in range(5)]
+    again = [noisy.step(still)[0] for _ in range(5)]
     np.testing.assert_array_equal(again, seen[:5])
 
 
@@ -96,9 +100,12 @@ def test_given_values_leave_the_drawn_mass_alone(given):
 def test_the_reward_is_the_sum_of_its_terms():
     outcome = np.array([Outcome.DRIVING, Outcome.REACHED, Outcome.TIPPED, Outcome.TIME])
     change = np.array([[1.0, -1.0], [0.0, 0.0], [0.0, 2.0], [0.0, 0.0]])
-    gain, work, took = np.array([[0.1, 0.2, 0.0, -0.1], [0.1, 0.0, 0.0, 0.0], [0.1] * 4])
+    gain = np.array([0.1, 0.2, 0.0, -0.1])
+    work = np.array([0.1, 0.0, 0.0, 0.0])
+    took = np.array([0.1, 0.1, 0.1, 0.1])
     reward = CrossingReward()
-    terms = dict(zip(reward.TERMS, reward.terms(gain, work, took, change, outcome), strict=True))
+    values = reward.terms(gain, work, took, change, outcome)
+    terms = dict(zip(reward.TERMS, values, strict=True))
     np.testing.assert_allclose(terms["progress"], [0.2, 0.4, 0.0, -0.2])
     np.testing.assert_allclose(terms["energy"], [-0.03, 0, 0, 0])
     np.testing.assert_allclose(terms["time"], -0.05)
@@ -107,24 +114,25 @@ def test_the_reward_is_the_sum_of_its_terms():
     env = gym.make(ID).unwrapped
     env.reset(seed=0)
     _, reward, _, _, info = env.step(np.ones(6, np.float32))
-    assert reward == pytest.approx(
-        sum(info[name] for name in info if name.startswith("reward_")), abs=1e-12
-    )
-    assert info["reward_energy"] == pytest.approx(-0.3 * info["work"] / (31.0 * 9.81), rel=0.01)
+    terms = [value for name, value in info.items() if name.startswith("reward_")]
+    assert reward == pytest.approx(sum(terms), abs=1e-12)
+    weight = 31.0 * 9.81
+    assert info["reward_energy"] == pytest.approx(-0.3 * info["work"] / weight, rel=0.01)
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:after 40 attempts")  # random flippers wedge a robot
 def test_a_failed_try_earns_between_standing_and_crossing():
-    rng, limits, returns, outcomes = (
-        np.random.default_rng(0),
-        Limits(time=20.0, stuck_time=3.0),
-        [],
-        [],
-    )
+    rng = np.random.default_rng(0)
+    limits = Limits(time=20.0, stuck_time=3.0)
+    returns = []
+    outcomes = []
 
     def forwards(shape):
-        return rng.uniform(-1, 1, shape) * ([0.4] * 2 + [1.0] * 4) + ([0.6] * 2 + [0.0] * 4)
+        """Random actions: belts from 0.2 to 1, flippers from -1 to 1."""
+        half_range = [0.4, 0.4, 1.0, 1.0, 1.0, 1.0]
+        middle = [0.6, 0.6, 0.0, 0.0, 0.0, 0.0]
+        return rng.uniform(-1, 1, shape) * half_range + middle
 
     for action, difficulty, act in (
         ("direct", 1.0, np.zeros),
@@ -132,26 +140,25 @@ def test_a_failed_try_earns_between_standing_and_crossing():
         ("correction", 0.0, np.zeros),
     ):
         config = TraverseConfig(course=KINDS, action=action, limits=limits, period=0.2)
-        task, total, discount = (
-            Crossing(config, 3 * len(KINDS), threads=1),
-            np.zeros(3 * len(KINDS)),
-            1.0,
-        )
+        task = Crossing(config, 3 * len(KINDS), threads=1)
+        total = np.zeros(3 * len(KINDS))
+        discount = 1.0
         options = [{"course": kind, "difficulty": difficulty} for kind in KINDS for _ in range(3)]
-        task.begin(
-            range(task.size),
-            [task.draw(np.random.default_rng(k), own) for k, own in enumerate(options)],
-        )
+        draws = [task.draw(np.random.default_rng(k), own) for k, own in enumerate(options)]
+        task.begin(range(task.size), draws)
         while (task.outcome == Outcome.DRIVING).any():
             task.step(act((task.size, len(task.commanded))))
             total += discount * task.reward
             discount *= 0.97
         returns.append(total.reshape(-1, 3))
         outcomes.append(task.outcome.reshape(-1, 3))
-    (still, tried, driven), crossed = returns, outcomes[2] == Outcome.REACHED
-    failed = (outcomes[1] != Outcome.REACHED) & (outcomes[1] != Outcome.TIME)
+    still, tried, driven = returns
+    _, outcome_tried, outcome_driven = outcomes
+    crossed = outcome_driven == Outcome.REACHED
+    failed = (outcome_tried != Outcome.REACHED) & (outcome_tried != Outcome.TIME)
     assert failed.any(axis=1).sum() >= 7
     assert crossed.any(axis=1).all()
     assert (still.max() < tried[failed]).all()
-    best = np.where(failed, tried, -np.inf).max(axis=1)
-    assert (np.where(crossed, driven, np.inf).min(axis=1) > best).all()
+    best_failure = np.where(failed, tried, -np.inf).max(axis=1)
+    worst_crossing = np.where(crossed, driven, np.inf).min(axis=1)
+    assert (worst_crossing > best_failure).all()

@@ -13,6 +13,16 @@ from trackslip.errors import InvalidValueError
 LEVEL = Course((Flat(4.0),), friction=0.7)
 
 
+def weight_of(world):
+    """Of each of its robots [N]."""
+    return 9.81 * world.tracked.model.body_subtreemass[world.tracked.body]
+
+
+def without_flippers(speed):
+    """A command to robots without flippers at belt speeds (N, 2)."""
+    return Command(np.array(speed), np.zeros((len(speed), 0)))
+
+
 @pytest.fixture(scope="module")
 def rescue():
     """A rescue robot under way on level ground."""
@@ -24,14 +34,14 @@ def rescue():
 
 def test_straight_on_nothing_slips_and_the_load_is_the_weight(rescue):
     contact = rescue.contact
-    weight = 9.81 * rescue.tracked.model.body_subtreemass[rescue.tracked.body]
-    assert contact.load.sum() == pytest.approx(weight, rel=2e-3)
+    assert contact.load.sum() == pytest.approx(weight_of(rescue), rel=2e-3)
     np.testing.assert_array_equal(contact.touching[0], [True, True, False, False, False, False])
     assert np.abs(contact.slip[0, :2]).max() < 2e-3
     assert np.isnan(contact.slip[0, 2:]).all()
     assert np.abs(rescue.work).sum() < 0.2
     assert rescue.state.velocity[0, 0] == pytest.approx(0.3, rel=2e-3)
-    np.testing.assert_allclose(rescue.tracked.flipper_angles(rescue.state.qpos)[0], 0.6, atol=0.03)
+    angles = rescue.tracked.flipper_angles(rescue.state.qpos)
+    np.testing.assert_allclose(angles[0], 0.6, atol=0.03)
 
 
 def test_work_lifts_the_robot_up_a_ramp():
@@ -39,22 +49,21 @@ def test_work_lifts_the_robot_up_a_ramp():
     course = Course((Ramp(slope, 4.0),), friction=0.9, start_length=1.0)
     world = Traverse(load_tracked("box"), [course], threads=1)
     world.begin([0], start=[[0.6, 0.0, 0.0]])
-    mass = world.tracked.model.body_subtreemass[world.tracked.body]
-    speed, none = np.full((1, 2), 0.3), np.zeros((1, 0))
+    command = without_flippers([[0.3, 0.3]])
     for _ in range(20):
-        world.step(Command(speed, none))
-    height, work = world.state.position[0, 2], 0.0
+        world.step(command)
+    height = world.state.position[0, 2]
+    work = 0.0
     for _ in range(20):
-        world.step(Command(speed, none))
+        world.step(command)
         work += world.work.sum()
     # what is lost in sliding is the slip's share of the work
-    lifted = mass * 9.81 * (world.state.position[0, 2] - height)
+    lifted = weight_of(world) * (world.state.position[0, 2] - height)
     assert work * (1 - world.contact.slip.mean()) == pytest.approx(lifted, rel=0.01)
     # of the preset: the most by which the load's shift to the rear may tilt the robot at either end
     sink = 0.0015
-    assert world.state.pitch[0] == pytest.approx(
-        slope, abs=2 * sink / world.tracked.robot.contact_length
-    )
+    tilt = 2 * sink / world.tracked.robot.contact_length
+    assert world.state.pitch[0] == pytest.approx(slope, abs=tilt)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 0.0, -0.5])
@@ -75,21 +84,24 @@ def test_traction_and_load_are_means_of_the_period():
     """Together their impulses are the momentum that a robot gains: forwards by its belts, none by
     landing.
     """
+    courses = [Course((Flat(8.0),))]
+    command = without_flippers([[0.4, 0.4]])
     for period, sample, drop in ((0.1, 0.02, 0.0), (0.2, 0.2, 0.005)):
-        world = Traverse(
-            load_tracked("box"), [Course((Flat(8.0),))], threads=1, period=period, sample=sample
-        )
+        world = Traverse(load_tracked("box"), courses, threads=1, period=period, sample=sample)
         world.batch.qpos[:, 2] += drop
-        mass = world.tracked.model.body_subtreemass[world.tracked.body]
-        forwards, upwards, work = 0.0, 0.0, 0.0
+        weight = weight_of(world)
+        mass = weight / 9.81
+        forwards = 0.0
+        upwards = 0.0
+        work = 0.0
         for _ in range(round(2.0 / period)):
-            world.step(Command(np.full((1, 2), 0.4), np.zeros((1, 0))))
+            world.step(command)
             contact = world.contact
             forwards += contact.traction.sum() * period
-            upwards += (contact.load.sum() - 9.81 * mass) * period
+            upwards += (contact.load.sum() - weight) * period
             work += world.work.sum()
         assert forwards == pytest.approx(mass * world.state.velocity[0, 0], rel=0.005)
-        assert upwards == pytest.approx(0.0, abs=0.005 * mass * 9.81 * 2.0)
+        assert upwards == pytest.approx(0.0, abs=0.005 * weight * 2.0)
         assert work > 0.5 * mass * 0.4**2  # belts that slide lose some
 
 
@@ -127,13 +139,16 @@ def test_flippers_feel_the_ground_under_them_that_courses_have():
     world.state.position[0, 0] = -0.38
     shape = world.flippers
     hinge = world.state.position[0] + shape.hinge
-    x = hinge[:, :1] + np.where(shape.front, 1, -1)[:, None] * SAMPLES * shape.length[:, None]
+    forwards = np.where(shape.front, 1, -1)
+    reach = SAMPLES * shape.length[:, None]
+    x = hinge[:, :1] + forwards[:, None] * reach
     ground = course.height(x, hinge[:, 1:2])
     expected = reflex_angles(ground[None], np.zeros(1), hinge[None, :, 2], shape)
     np.testing.assert_allclose(reflex(world), expected, atol=1e-3)
     assert expected[0, shape.front].min() > 0.05
     world.begin([0], start=[[-0.38, 0.0, 0.0]])  # above all that they reach over
-    assert world.state.position[0, 2] > course.height(world.footprint.ahead - 0.38, 0.0) > 0.04
+    highest = course.height(world.footprint.ahead - 0.38, 0.0)
+    assert world.state.position[0, 2] > highest > 0.04
 
 
 def test_the_scripted_controller_comes_back_to_the_middle():
@@ -141,19 +156,17 @@ def test_the_scripted_controller_comes_back_to_the_middle():
     world.begin([0, 1], start=[[-1.0, 0.3, 0.3], [-1.0, -0.3, -0.3]])
     for _ in range(80):
         world.step(scripted(world))
-    assert np.abs(world.state.position[:, 1]).max() < 0.05
-    np.testing.assert_allclose(
-        world.state.position[0, :2], world.state.position[1, :2] * [1, -1], atol=1e-6
-    )
+    places = world.state.position[:, :2]
+    assert np.abs(places[:, 1]).max() < 0.05
+    np.testing.assert_allclose(places[0], places[1] * [1, -1], atol=1e-6)
 
 
 def test_commands_and_starts_that_make_no_sense_are_refused(rescue):
-    fine, flippers = np.zeros((1, 2)), np.zeros((1, 4))
+    fine = np.zeros((1, 2))
+    flippers = np.zeros((1, 4))
+    said = r"speed = \[\[0.1, nan\]\]: must be finite, of shape \(1, 2\)"
     for command, message in (
-        (
-            Command(np.array([[0.1, np.nan]]), flippers),
-            r"speed = \[\[0.1, nan\]\]: must be finite, of shape \(1, 2\)",
-        ),
+        (Command(np.array([[0.1, np.nan]]), flippers), said),
         (Command(np.zeros(2), flippers), "speed"),
         (Command(fine, np.zeros((1, 3))), "flippers"),
     ):
@@ -167,7 +180,8 @@ def test_commands_and_starts_that_make_no_sense_are_refused(rescue):
 @pytest.mark.parametrize("speed", [0.0, 0.3])
 def test_forces_of_a_standing_robot_add_up_to_its_weight(speed):
     world = build_tracked(load_tracked("box"))
-    model, data = world.model, mujoco.MjData(world.model)
+    model = world.model
+    data = mujoco.MjData(model)
     belts = Belts(model)
     belts.set(np.full(2, speed))
     for _ in range(1000):
@@ -216,10 +230,11 @@ def test_each_run_ends_by_name_and_stands_still(world):
         world.work,
     ):
         assert np.isfinite(values).all()
-    before = world.state.qpos.copy(), world.time.copy()
-    world.step(Command(np.ones((len(ROWS), 2)), np.zeros((len(ROWS), 0))))
-    np.testing.assert_array_equal(world.state.qpos, before[0])
-    np.testing.assert_array_equal(world.time, before[1])
+    qpos = world.state.qpos.copy()
+    time = world.time.copy()
+    world.step(without_flippers(np.ones((len(ROWS), 2))))
+    np.testing.assert_array_equal(world.state.qpos, qpos)
+    np.testing.assert_array_equal(world.time, time)
     assert world.time[5] == pytest.approx(6.0)
 
 
@@ -229,15 +244,16 @@ def test_a_state_that_is_not_finite_is_named_and_kept_out(capfd, tmp_path, monke
     fine = world.state.qpos[1].copy()
     gravity = world.batch.expand("opt.gravity")
     gravity[1, 2] = np.nan
-    world.step(Command(np.zeros((2, 2)), np.zeros((2, 0))))
+    world.step(without_flippers(np.zeros((2, 2))))
     assert [Outcome(one).label for one in world.outcome] == ["driving", "exploded"]
     np.testing.assert_array_equal(world.state.qpos[1], fine)
     gravity[1, 2] = gravity[0, 2]
     world.begin([1])
-    world.step(Command(np.zeros((2, 2)), np.zeros((2, 0))))
+    world.step(without_flippers(np.zeros((2, 2))))
     assert (world.outcome == Outcome.DRIVING).all()
     # no MUJOCO_LOG.TXT of the engine's
-    assert (capfd.readouterr().err, [*tmp_path.iterdir()]) == ("", [])
+    assert capfd.readouterr().err == ""
+    assert [*tmp_path.iterdir()] == []
     assert mujoco.MjLogConfig.get().logto_file  # as before
 
 
@@ -270,9 +286,13 @@ def test_a_models_own_contact_pair_keeps_its_friction(tmp_path):
     for courses in ([LEVEL], [LEVEL, slippery]):
         world = Traverse(robot, courses, 1, threads=1)
         world.begin([0], [courses[-1]])
-        model, friction = world.tracked.model, world.batch.expand("pair_friction")[0, :, :2]
-        hull, arm = model.geom("hull").id, model.geom("arm").id
-        own = (model.pair_geom1 == min(hull, arm)) & (model.pair_geom2 == max(hull, arm))
+        model = world.tracked.model
+        friction = world.batch.expand("pair_friction")[0, :, :2]
+        hull = model.geom("hull").id
+        arm = model.geom("arm").id
+        first = min(hull, arm)
+        second = max(hull, arm)
+        own = (model.pair_geom1 == first) & (model.pair_geom2 == second)
         assert own.sum() == 1
         np.testing.assert_array_equal(friction[own], [[0.11, 0.12]])
         assert (friction[~own] == courses[-1].friction).all()

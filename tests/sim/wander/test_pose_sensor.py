@@ -17,12 +17,16 @@ FAST = PoseSensor(rate=50.0)
 
 @pytest.fixture(scope="module")
 def motion():
-    rng, geometry = np.random.default_rng(0), RobotGeometry(0.168, 0.06)
+    rng = np.random.default_rng(0)
+    geometry = RobotGeometry(0.168, 0.06)
     omega = track_commands("random", 120.0, 50.0, Driver(), rng) / geometry.sprocket_radius
-    return LawMotion(ConstantIcr(0.045, 0.168, 0.0066), geometry, STILL).drive(omega, 50.0, rng)[0]
+    robot = LawMotion(ConstantIcr(0.045, 0.168, 0.0066), geometry, STILL)
+    driven, _ = robot.drive(omega, 50.0, rng)
+    return driven
 
 
 def measure(source, motion, seed=1):
+    """Stamps (n,), poses (n, 3), and true poses (n, 3) of the robot."""
     stamps, poses = source.measure(motion, np.random.default_rng(seed))
     return stamps, poses, motion.at(stamps)
 
@@ -30,18 +34,18 @@ def measure(source, motion, seed=1):
 def test_a_sensor_is_where_it_is_mounted(motion):
     stamps, poses, true = measure(replace(PERFECT, ahead=0.3, left=0.1, mounting=0.087), motion)
     np.testing.assert_allclose(np.diff(stamps), 0.1, atol=1e-12)
-    np.testing.assert_allclose(
-        se2.between(true, poses), np.tile([0.3, 0.1, 0.087], (len(true), 1)), atol=1e-12
-    )
+    mounting = np.tile([0.3, 0.1, 0.087], (len(true), 1))
+    np.testing.assert_allclose(se2.between(true, poses), mounting, atol=1e-12)
 
 
 def test_noise_is_white_and_as_large_as_stated(motion):
     _, poses, true = measure(replace(FAST, position_noise=0.02, heading_noise=0.03), motion)
     errors = poses - true
-    np.testing.assert_allclose(
-        errors.std(axis=0), [0.02, 0.02, 0.03], rtol=5 / np.sqrt(2 * len(errors))
-    )
-    assert np.abs(np.corrcoef(errors[1:, 0], errors[:-1, 0])[0, 1]) < 5 / np.sqrt(len(errors))
+    error_of_deviation = 1 / np.sqrt(2 * len(errors))
+    deviation = errors.std(axis=0)
+    np.testing.assert_allclose(deviation, [0.02, 0.02, 0.03], rtol=5 * error_of_deviation)
+    correlation = np.corrcoef(errors[1:, 0], errors[:-1, 0])[0, 1]
+    assert np.abs(correlation) < 5 / np.sqrt(len(errors))
 
 
 @pytest.mark.parametrize("delay", [0.15, -0.3])
@@ -54,7 +58,8 @@ def test_a_late_clock_stamps_later(motion, delay):
 def test_jittered_stamps_stay_in_order(motion):
     stamps, poses, true = measure(replace(PERFECT, jitter=0.02), motion)
     assert (np.diff(stamps) > 0).all()
-    assert (stamps - 0.1 * np.arange(len(stamps))).std() == pytest.approx(0.02, rel=0.1)
+    early_or_late = stamps - 0.1 * np.arange(len(stamps))
+    assert early_or_late.std() == pytest.approx(0.02, rel=0.1)
     # a pose stamped late by dt is off by speed times dt
     velocity = np.gradient(true[:, :2], stamps, axis=0)
     error = (poses - true)[:, :2]
@@ -66,32 +71,38 @@ def test_jittered_stamps_stay_in_order(motion):
 def test_gaps_outliers_and_jumps_have_their_numbers_and_sizes(motion):
     stamps, _, _ = measure(replace(PERFECT, gaps=3, gap_duration=5.0), motion)
     pauses = np.diff(stamps)
-    np.testing.assert_allclose(pauses[pauses > 0.11], [5.0] * 3, atol=0.11)
+    np.testing.assert_allclose(pauses[pauses > 0.11], [5.0, 5.0, 5.0], atol=0.11)
+
     _, poses, true = measure(replace(FAST, outliers=0.05), motion)
     errors = np.abs(poses - true)
-    assert (errors[:, 0] > 1e-9).mean() == pytest.approx(0.05, abs=0.015)
+    is_wild = errors[:, 0] > 1e-9
+    assert is_wild.mean() == pytest.approx(0.05, abs=0.015)
     assert 0.45 < errors.max() <= 0.5
+
     _, poses, true = measure(replace(PERFECT, jumps=2, jump_size=0.5, jump_turn=0.1), motion)
     errors = se2.steps(poses) - se2.steps(true)
-    size, turn = np.hypot(errors[:, 0], errors[:, 1]), np.abs(errors[:, 2])
-    np.testing.assert_allclose(np.stack([size, turn])[:, size > 1e-9], [[0.5, 0.5], [0.1, 0.1]])
+    size = np.hypot(errors[:, 0], errors[:, 1])
+    turn = np.abs(errors[:, 2])
+    is_jump = size > 1e-9
+    np.testing.assert_allclose(size[is_jump], [0.5, 0.5])
+    np.testing.assert_allclose(turn[is_jump], [0.1, 0.1])
 
 
 def test_drift_grows_to_its_share_of_the_way(motion):
     """The sums of the steps' errors are compared, because an error of the heading would turn all
     that follow.
     """
+    drifting = replace(PERFECT, rate=5.0, drift=0.01, heading_drift=0.004)
     ends = []
     for seed in range(100):
-        _, poses, true = measure(
-            replace(PERFECT, rate=5.0, drift=0.01, heading_drift=0.004), motion, seed
-        )
+        _, poses, true = measure(drifting, motion, seed)
         steps = se2.steps(true)
-        ends.append((se2.steps(poses) - steps).sum(axis=0))
+        errors = se2.steps(poses) - steps
+        ends.append(errors.sum(axis=0))
     way = np.hypot(steps[:, 0], steps[:, 1]).sum()
-    spread = np.sqrt(np.square(ends).mean(axis=0))
-    assert np.hypot(*spread[:2]) == pytest.approx(0.01 * way, rel=0.2)
-    assert spread[2] == pytest.approx(0.004 * np.sqrt(way), rel=0.25)
+    x, y, heading = np.sqrt(np.square(ends).mean(axis=0))
+    assert np.hypot(x, y) == pytest.approx(0.01 * way, rel=0.2)
+    assert heading == pytest.approx(0.004 * np.sqrt(way), rel=0.25)
 
 
 def test_times_noise_and_reach_of_scans(robot):
@@ -102,7 +113,8 @@ def test_times_noise_and_reach_of_scans(robot):
     seen, scan = plate_scans(scanner, robot, motion, np.random.default_rng(0))
     np.testing.assert_allclose(np.diff(seen), 0.02)
     assert 0 <= seen[0] < 0.02
-    ranges = scan.ranges[:, len(scan.bearings) // 2]
+    straight_ahead = len(scan.bearings) // 2
+    ranges = scan.ranges[:, straight_ahead]
     end = 0.5 + seen - robot.plate.length / 2
     error = (ranges - end)[end < 9.8]
     assert np.isnan(ranges[end > 10.0]).all()

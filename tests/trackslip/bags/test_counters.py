@@ -2,7 +2,17 @@
 
 import numpy as np
 import pytest
-from bags import START, in_order, joints_of, open_bag, poses_of, sprocket_angles, store, write_bag
+from bags import (
+    START,
+    header,
+    in_order,
+    joints_of,
+    open_bag,
+    poses_of,
+    sprocket_angles,
+    store,
+    write_bag,
+)
 from plain_drives import wandered
 from rosbags.typesys import get_types_from_msg
 
@@ -28,28 +38,20 @@ def arrivals():
 
 
 def in_two_topics(ticks=TICKS, kind="Int32"):
-    return [
-        (f"/{side}_encoder", f"std_msgs/msg/{kind}", at, {"data": int(count)})
-        for at, row in zip(arrivals(), ticks, strict=True)
-        for side, count in zip(("left", "right"), row, strict=True)
-    ]
+    type_name = f"std_msgs/msg/{kind}"
+    messages = []
+    for at, (left, right) in zip(arrivals(), ticks, strict=True):
+        messages.append(("/left_encoder", type_name, at, {"data": int(left)}))
+        messages.append(("/right_encoder", type_name, at, {"data": int(right)}))
+    return messages
 
 
 def in_one_message():
-    return [
-        (
-            "/wheel_ticks",
-            CUSTOM,
-            at,
-            {
-                "header": {"stamp": {"sec": at // 10**9, "nanosec": at % 10**9}},
-                "left": int(left),
-                "right": int(right),
-                "battery": 99,
-            },
-        )
-        for at, (left, right) in zip(arrivals(), TICKS, strict=True)
-    ]
+    messages = []
+    for at, (left, right) in zip(arrivals(), TICKS, strict=True):
+        fields = {"header": header(at), "left": int(left), "right": int(right), "battery": 99}
+        messages.append(("/wheel_ticks", CUSTOM, at, fields))
+    return messages
 
 
 def in_an_array():
@@ -93,13 +95,12 @@ def test_counters_that_wrap_are_unwound_and_stamps_are_told(tmp_path):
 
 
 def test_counters_are_named_with_the_option_that_reads_them(tmp_path):
-    for k, (messages, option) in enumerate(
-        [
-            (in_two_topics(), "--encoders /left_encoder,/right_encoder --ticks-per-turn N"),
-            (in_one_message(), "--encoders /wheel_ticks --ticks-per-turn N"),
-            (in_an_array(), "--encoders /encoders --ticks-per-turn N --left NAMES --right NAMES"),
-        ]
-    ):
+    cases = [
+        (in_two_topics(), "--encoders /left_encoder,/right_encoder --ticks-per-turn N"),
+        (in_one_message(), "--encoders /wheel_ticks --ticks-per-turn N"),
+        (in_an_array(), "--encoders /encoders --ticks-per-turn N --left NAMES --right NAMES"),
+    ]
+    for k, (messages, option) in enumerate(cases):
         with pytest.raises(LogError) as refused:
             read(tmp_path / str(k), messages)
         assert str(refused.value).endswith(f"may count ticks: {option} reads them")

@@ -53,14 +53,14 @@ def dead_reckoned(half_gauge=GEOMETRY.half_gauge, arcs=True):
     """Poses at LOG's times by the wheels alone, on arcs or straight ahead at the end of each
     step.
     """
-    twist = body_twist(
-        LOG.omega[1:], 0.0, trackslip.RobotGeometry(half_gauge, GEOMETRY.sprocket_radius)
-    )
-    pose = se2.chain([0.0, 0.0, 0.4], se2.advance(np.zeros(3), twist, np.diff(LOG.time)))
+    geometry = trackslip.RobotGeometry(half_gauge, GEOMETRY.sprocket_radius)
+    twist = body_twist(LOG.omega[1:], 0.0, geometry)
+    step = np.diff(LOG.time)
+    pose = se2.chain([0.0, 0.0, 0.4], se2.advance(np.zeros(3), twist, step))
     if not arcs:
-        pose[1:, :2] = np.cumsum(
-            (twist[:, 0] * np.diff(LOG.time))[:, None] * se2.direction(pose[1:, 2]), axis=0
-        )
+        distance = twist[:, 0] * step
+        ahead = distance[:, None] * se2.direction(pose[1:, 2])
+        pose[1:, :2] = np.cumsum(ahead, axis=0)
     return pose
 
 
@@ -73,17 +73,20 @@ def stated(poses, make=odometry, **others):
 
 def fixes(early, status=0):
     """Fixes at LOG's poses, the first 20 of them at another place, with another status."""
-    places = [(48.0 + y / 111_195, 11.0 + x / 74_500) for x, y, _ in LOG.pose[SEEN]]
-    return [
-        fix(stamp(time), *(early if k < 20 else place), status=status if k < 20 else 0)
-        for k, (time, place) in enumerate(zip(LOG.time[SEEN], places, strict=True))
-    ]
+    messages = []
+    for k, (time, (x, y, _)) in enumerate(zip(LOG.time[SEEN], LOG.pose[SEEN], strict=True)):
+        if k < 20:
+            messages.append(fix(stamp(time), *early, status=status))
+        else:
+            latitude = 48.0 + y / 111_195
+            longitude = 11.0 + x / 74_500
+            messages.append(fix(stamp(time), latitude, longitude, status=0))
+    return messages
 
 
 def later(messages, seconds=40.0):
-    return [
-        (topic, kind, at + round(1e9 * seconds), fields) for topic, kind, at, fields in messages
-    ]
+    delay = round(1e9 * seconds)
+    return [(topic, kind, at + delay, fields) for topic, kind, at, fields in messages]
 
 
 def write(tmp_path, *messages, name="run", kind="mcap"):
@@ -101,10 +104,9 @@ def test_rows_are_those_of_readings_and_poses(tmp_path):
     """Poses 13 ms after every other reading: rows of their own, with the speeds of the reading
     after them.
     """
-    late = [
-        pose_stamped(stamp(t + 0.013), p)
-        for t, p in zip(LOG.time[SEEN], LOG.pose[SEEN].tolist(), strict=True)
-    ]
+    late = []
+    for time, where in zip(LOG.time[SEEN], LOG.pose[SEEN].tolist(), strict=True):
+        late.append(pose_stamped(stamp(time + 0.013), where))
     (log,) = trackslip.load(write(tmp_path, joints_of(LOG), late))
     assert log.run == "run"
     assert log.metadata["bag"] == {
@@ -118,7 +120,8 @@ def test_rows_are_those_of_readings_and_poses(tmp_path):
     np.testing.assert_allclose(log.time[seen], LOG.time[SEEN] + 0.013, atol=1e-9)
     np.testing.assert_allclose(log.pose[seen], LOG.pose[SEEN], atol=1e-9)
     readings = np.flatnonzero(~log.is_valid)
-    np.testing.assert_array_equal(np.round(log.time[readings] * 1e9), np.round(LOG.time * 1e9))
+    nanoseconds = np.round(log.time[readings] * 1e9)
+    np.testing.assert_array_equal(nanoseconds, np.round(LOG.time * 1e9))
     np.testing.assert_allclose(log.omega[readings[1:]], LOG.omega[1:], atol=1e-9)
     np.testing.assert_array_equal(log.omega[seen], log.omega[seen + 1])
     assert np.isnan(log.pose[readings]).all()
@@ -162,10 +165,9 @@ def test_readings_stamped_in_bursts_make_no_wild_speeds(tmp_path):
     """Every tenth reading waits and is stamped 4 µs before the next one."""
     time = LOG.time.copy()
     time[10:-1:10] = time[11::10] - 4e-6
-    bursts = [
-        joint_states(stamp(t), ("left", "right"), angle)
-        for t, angle in zip(time.tolist(), TURNED.tolist(), strict=True)
-    ]
+    bursts = []
+    for at, angle in zip(time.tolist(), TURNED.tolist(), strict=True):
+        bursts.append(joint_states(stamp(at), ("left", "right"), angle))
     (log,) = read_bags(write(tmp_path, bursts, poses_of(LOG))).runs
     assert np.abs(log.omega).max() <= np.abs(LOG.omega).max() + 1e-6
     turned = sprocket_angles(log)[-1]
@@ -173,10 +175,18 @@ def test_readings_stamped_in_bursts_make_no_wild_speeds(tmp_path):
 
 
 STILL = transform(START, "map", "odom", (0.0, 0.0, 0.0), topic="/tf_static")
-PASSED_ON = [
-    STILL,
-    *stated(dead_reckoned(), lambda at, where: transform(at, "odom", "base_link", where)),
-]
+
+
+def as_transform(at, where):
+    return transform(at, "odom", "base_link", where)
+
+
+def stamped_late(at, where):
+    """Odometry with stamps 30 ms late."""
+    return odometry(at + 30_000_000, where)
+
+
+PASSED_ON = [STILL, *stated(dead_reckoned(), as_transform)]
 
 
 @pytest.mark.parametrize(
@@ -184,10 +194,7 @@ PASSED_ON = [
     [
         ([states(), stated(dead_reckoned())], REPEATED),
         ([states(), stated(dead_reckoned(arcs=False))], REPEATED),
-        (
-            [states(), stated(dead_reckoned(), lambda at, where: odometry(at + 30_000_000, where))],
-            REPEATED,
-        ),
+        ([states(), stated(dead_reckoned(), stamped_late)], REPEATED),
         (
             [states(), PASSED_ON],
             "tf:map:base_link: its poses repeat the dead reckoning of the wheels",
@@ -230,7 +237,8 @@ def test_a_simulation_that_was_reset_makes_two_drives(tmp_path):
     assert [log.run for log in read.runs] == ["run, part 1", "run, part 2"]
     for log in read.runs:
         assert_driven(log)
-    read = read_bags(write(tmp_path / "half", states(), poses_of(LOG), later(states())))
+    without_poses = later(states())
+    read = read_bags(write(tmp_path / "half", states(), poses_of(LOG), without_poses))
     assert_driven(*read.runs)
     assert read.warnings == (
         "topic /joint_states: time goes back: read as 2 drives",
@@ -240,25 +248,13 @@ def test_a_simulation_that_was_reset_makes_two_drives(tmp_path):
 
 def set_ahead(messages, rise):
     """The messages with stamps that are `rise` [ns] later, recorded 40 s later."""
-    return later(
-        [
-            (
-                topic,
-                kind,
-                at,
-                fields
-                | {
-                    "header": header(
-                        fields["header"]["stamp"]["sec"] * 10**9
-                        + fields["header"]["stamp"]["nanosec"]
-                        + rise,
-                        fields["header"]["frame_id"],
-                    )
-                },
-            )
-            for topic, kind, at, fields in messages
-        ]
-    )
+    made = []
+    for topic, kind, at, fields in messages:
+        old = fields["header"]
+        old_stamp = old["stamp"]["sec"] * 10**9 + old["stamp"]["nanosec"]
+        new = header(old_stamp + rise, old["frame_id"])
+        made.append((topic, kind, at, fields | {"header": new}))
+    return later(made)
 
 
 @pytest.mark.parametrize("rise", [40 * 10**9, 4 * 10**17], ids=["a pause", "a clock that is set"])

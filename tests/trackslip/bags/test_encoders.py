@@ -18,17 +18,18 @@ TURNED = sprocket_angles(LOG)
 
 def read(tmp_path, messages, choice=AUTOMATIC, notes=None):
     notes = [] if notes is None else notes
-    return read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", messages)), choice, notes)
+    bag = open_bag(write_bag(tmp_path / "run", "mcap", messages))
+    return read_encoders(bag, choice, notes)
 
 
 def states(names, positions=None, velocities=None, topic="/joint_states", time=LOG.time):
     empty = [()] * len(time)
     positions = empty if positions is None else positions
     velocities = empty if velocities is None else velocities
-    return [
-        joint_states(stamp(t), names, p, v, topic=topic)
-        for t, p, v in zip(time, positions, velocities, strict=True)
-    ]
+    messages = []
+    for at, position, velocity in zip(time, positions, velocities, strict=True):
+        messages.append(joint_states(stamp(at), names, position, velocity, topic=topic))
+    return messages
 
 
 def test_speeds_are_means_since_the_reading_before(tmp_path):
@@ -41,15 +42,15 @@ def test_speeds_are_means_since_the_reading_before(tmp_path):
 
 def test_messages_that_repeat_a_reading_count_once(tmp_path):
     notes = []
-    held = TURNED[np.arange(len(TURNED)) // 3 * 3]
-    found = read(tmp_path, states(["left", "right"], held), notes=notes)
+    first_of_three = np.arange(len(TURNED)) // 3 * 3
+    found = read(tmp_path, states(["left", "right"], TURNED[first_of_three]), notes=notes)
     times = LOG.time[::3]
     np.testing.assert_array_equal(found.stamp, [stamp(t) for t in times])
     means = np.diff(TURNED[::3], axis=0) / np.diff(times)[:, None]
     np.testing.assert_allclose(found.values[1:], means, atol=1e-9)
-    assert notes == [
-        "topic /joint_states: each encoder reading is repeated in 3 messages: it counts once"
-    ]
+    (note,) = notes
+    said = "each encoder reading is repeated in 3 messages: it counts once"
+    assert note == f"topic /joint_states: {said}"
 
 
 @given(
@@ -65,11 +66,11 @@ def test_unwrapping_undoes_wrapping(steps, first, low):
 
 def test_several_wheels_a_side_are_averaged(tmp_path):
     names = ["front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"]
-    scale = np.array([0.9, 1.1, 1.1, 0.9])
-    found = read(tmp_path, states(names, TURNED[:, [0, 1, 0, 1]] * scale))
+    angles = TURNED[:, [0, 1, 0, 1]] * [0.9, 1.1, 1.1, 0.9]
+    found = read(tmp_path, states(names, angles))
     np.testing.assert_allclose(found.values[1:], LOG.omega[1:], atol=1e-10)
-    chosen = BagChoice(left=("front_left_wheel",), right=("rear_right_wheel",))
-    found = read(tmp_path / "chosen", states(names, TURNED[:, [0, 1, 0, 1]] * scale), chosen)
+    front_left_rear_right = BagChoice(left=("front_left_wheel",), right=("rear_right_wheel",))
+    found = read(tmp_path / "chosen", states(names, angles), front_left_rear_right)
     np.testing.assert_allclose(found.values[1:], 0.9 * LOG.omega[1:], atol=1e-10)
 
 
@@ -77,10 +78,9 @@ def test_several_wheels_a_side_are_averaged(tmp_path):
 def test_sides_in_two_topics(tmp_path, choice):
     messages = []
     for time, (left, right) in zip(LOG.time, TURNED.tolist(), strict=True):
-        messages.append(joint_states(stamp(time), ["left_wheel"], [left], topic="/left"))
-        messages.append(
-            joint_states(stamp(time), ["right_wheel"], [right], topic="/right", late=2_000_000)
-        )
+        at = stamp(time)
+        messages.append(joint_states(at, ["left_wheel"], [left], topic="/left"))
+        messages.append(joint_states(at, ["right_wheel"], [right], topic="/right", late=2_000_000))
     found = read(tmp_path, messages, choice)
     assert found.source == "/left and /right"
     np.testing.assert_allclose(found.values[1:], LOG.omega[1:], atol=1e-9)
@@ -94,16 +94,17 @@ def test_velocities_where_there_are_no_positions(tmp_path):
     notes = []
     found = read(tmp_path, states(["left", "right"], None, speed), notes=notes)
     middle = (LOG.time[1:] + LOG.time[:-1]) / 2
-    np.testing.assert_allclose(found.values[1:], np.column_stack([middle, 3.0 - middle]), atol=1e-9)
-    assert any(
-        "speeds are its velocities, because it states no positions" in note for note in notes
-    )
+    expected = np.column_stack([middle, 3.0 - middle])
+    np.testing.assert_allclose(found.values[1:], expected, atol=1e-9)
+    said = "speeds are its velocities, because it states no positions"
+    assert any(said in note for note in notes)
 
 
 @pytest.mark.parametrize("positions", [np.full_like(TURNED, np.nan), np.zeros_like(TURNED)])
 def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positions):
     found = read(tmp_path, states(["left", "right"], positions, LOG.omega))
-    np.testing.assert_allclose(found.values[1:], (LOG.omega[1:] + LOG.omega[:-1]) / 2, atol=1e-9)
+    means = (LOG.omega[1:] + LOG.omega[:-1]) / 2
+    np.testing.assert_allclose(found.values[1:], means, atol=1e-9)
     positions = TURNED.copy()
     positions[40, 0] = np.nan
     bridged = read(tmp_path / "bridged", states(["left", "right"], positions))
@@ -111,18 +112,15 @@ def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positi
 
 
 def test_the_topic_that_is_measured_is_chosen(tmp_path):
+    measured = states(["left", "right"], TURNED)
     commands = states(["left", "right"], TURNED + 1, topic="/joint_commands")
     arm = states(["shoulder", "elbow"], TURNED, topic="/arm/joint_states")
-    assert (
-        read(tmp_path, [*states(["left", "right"], TURNED), *commands, *arm]).source
-        == "/joint_states"
-    )
+    found = read(tmp_path, [*measured, *commands, *arm])
+    assert found.source == "/joint_states"
     base = states(["left", "right"], TURNED, topic="/base/joint_states")
     other = states(["left", "right"], TURNED, topic="/other/joint_states")
-    with pytest.raises(
-        LogError,
-        match="encoders may be /base/joint_states, /other/joint_states: choose with --encoders",
-    ):
+    said = "encoders may be /base/joint_states, /other/joint_states: choose with --encoders"
+    with pytest.raises(LogError, match=said):
         read(tmp_path / "two", [*base, *other, *arm])
     found = read(tmp_path / "named", [*base, *other], BagChoice(encoders="other/joint_states"))
     assert found.source == "/other/joint_states"
@@ -131,7 +129,8 @@ def test_the_topic_that_is_measured_is_chosen(tmp_path):
 SIDES = states(["left", "right"], TURNED)
 ODD = ("/odd", "odd_msgs/msg/Odd", 5, {})
 UNSTAMPED = [
-    joint_states(0, ["left", "right"], p, late=stamp(k / 20)) for k, p in enumerate(TURNED.tolist())
+    joint_states(0, ["left", "right"], angle, late=stamp(k / 20))
+    for k, angle in enumerate(TURNED.tolist())
 ]
 
 
@@ -198,20 +197,17 @@ def test_what_cannot_be_read_is_refused_in_a_line(tmp_path, messages, choice, li
     ],
 )
 def test_common_names(names, left, right):
-    found = sides(names)
-    assert found is not None
-    assert list(found[0]) == left
-    assert list(found[1]) == (right or [name.replace("left", "right") for name in left])
+    expected_right = right or [name.replace("left", "right") for name in left]
+    found_left, found_right = sides(names)
+    assert list(found_left) == left
+    assert list(found_right) == expected_right
 
 
 def test_ticks_are_named_with_what_to_do_with_them(tmp_path):
     counts = [
-        (topic, f"std_msgs/msg/{kind}", START, {"data": data})
-        for topic, kind, data in (
-            ("/left_ticks", "Int32", 5),
-            ("/right_ticks", "Int32", 6),
-            ("/encoders", "Int64MultiArray", [1, 2]),
-        )
+        ("/left_ticks", "std_msgs/msg/Int32", START, {"data": 5}),
+        ("/right_ticks", "std_msgs/msg/Int32", START, {"data": 6}),
+        ("/encoders", "std_msgs/msg/Int64MultiArray", START, {"data": [1, 2]}),
     ]
     named = (
         r"/encoders\[0\] \(.*Int64MultiArray\), /encoders\[1\] \(.*Int64MultiArray\), "

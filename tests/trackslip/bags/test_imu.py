@@ -21,15 +21,15 @@ UPRIGHT = Rotation.identity()
 
 
 def imus(mounting=UPRIGHT, rows=slice(None), **others):
-    rates = mounting.inv().apply(RATE[:, None] * [0.0, 0.0, 1.0] + 0.001)
-    return [
-        imu(stamp(t), w, **others) for t, w in zip(TIME[rows], rates[rows].tolist(), strict=True)
-    ]
+    in_robot = RATE[:, None] * [0.0, 0.0, 1.0] + 0.001
+    rates = mounting.inv().apply(in_robot)[rows].tolist()
+    return [imu(stamp(at), rate, **others) for at, rate in zip(TIME[rows], rates, strict=True)]
 
 
 def read(path, *messages, kind="mcap", poses=None):
     poses = poses_of(LOG) if poses is None else poses
-    return read_bags(write_bag(path / "a", kind, in_order(joints_of(LOG), poses, *messages)))
+    bag = write_bag(path / "a", kind, in_order(joints_of(LOG), poses, *messages))
+    return read_bags(bag)
 
 
 def require_true(log):
@@ -54,23 +54,26 @@ def test_its_axis_is_that_of_the_turns(tmp_path, mounting, shown, kind):
 
 
 def test_with_positions_alone_the_sprockets_tell_the_axis(tmp_path):
-    place = np.column_stack(enu2geodetic(*LOG.pose[LOG.is_valid, :2].T, 0.0, *FIELD))
-    fixes = [
-        fix(stamp(t), *one) for t, one in zip(LOG.time[LOG.is_valid], place.tolist(), strict=True)
-    ]
+    seen = LOG.is_valid
+    x, y, _ = LOG.pose[seen].T
+    places = np.column_stack(enu2geodetic(x, y, 0.0, *FIELD)).tolist()
+    fixes = [fix(stamp(at), *place) for at, place in zip(LOG.time[seen], places, strict=True)]
     found = read(tmp_path, imus(UPSIDE_DOWN), poses=fixes)
     require_true(found.runs[0])
 
 
 def test_its_own_imu_is_preferred_and_another_can_be_chosen(tmp_path):
-    ones = imus(), imus(UPSIDE_DOWN, topic="/camera/imu", frame="camera_imu")
-    found = read(tmp_path, *ones)
+    own = imus()
+    camera = imus(UPSIDE_DOWN, topic="/camera/imu", frame="camera_imu")
+    found = read(tmp_path, own, camera)
     assert "gyro: /imu/data in imu_link, one of 2 about [0. 0. 1.]" in found.taken[0]
     bag = tmp_path / "a"
-    (log,) = (chosen := read_bags(bag, BagChoice(imu="/camera/imu"))).runs
+    chosen = read_bags(bag, BagChoice(imu="/camera/imu"))
+    (log,) = chosen.runs
     require_true(log)
     assert "/camera/imu in camera_imu about" in chosen.taken[0]
-    assert read_bags(bag, BagChoice(imu="none")).runs[0].gyro is None
+    without = read_bags(bag, BagChoice(imu="none"))
+    assert without.runs[0].gyro is None
     for name, message in (
         ("/imu", "no topic '/imu'"),
         ("/joint_states", "needs sensor_msgs/msg/Imu"),
@@ -87,21 +90,18 @@ def test_gaps_are_not_measured(tmp_path):
     require_true(log)
 
 
+UNSTAMPED = [imu(0, (0.0, 0.0, 0.1), late=stamp(at)) for at in TIME]
+OTHERS = np.random.default_rng(0).normal(size=(len(TIME), 3))
+OF_ANOTHER = [imu(stamp(at), rates) for at, rates in zip(TIME, OTHERS, strict=True)]
+
+
 @pytest.mark.parametrize(
     ("messages", "words"),
     [
         (imus(unknown=True), "topic /imu/data: it states no angular velocities: read without gyro"),
+        (UNSTAMPED, "read without gyro: topic /imu/data: "),
         (
-            [imu(0, (0.0, 0.0, 0.1), late=stamp(t)) for t in TIME],
-            "read without gyro: topic /imu/data: ",
-        ),
-        (
-            [
-                imu(stamp(t), w)
-                for t, w in zip(
-                    TIME, np.random.default_rng(0).normal(size=(len(TIME), 3)), strict=True
-                )
-            ],
+            OF_ANOTHER,
             "gyro of /imu/data in imu_link left out: it doesn't follow the robot's turns",
         ),
     ],
@@ -123,24 +123,19 @@ def test_an_imu_in_degrees_is_refused_as_in_a_table(tmp_path):
 
 def without_poses(path, heading=None, **others):
     headings = np.interp(TIME, LOG.time, YAW) if heading is None else heading
-    messages = [
-        imu(stamp(t), (0.0, 0.0, w), heading=h, **others)
-        for t, w, h in zip(TIME.tolist(), RATE.tolist(), headings, strict=True)
-    ]
+    messages = []
+    for at, w, h in zip(TIME.tolist(), RATE.tolist(), headings, strict=True):
+        messages.append(imu(stamp(at), (0.0, 0.0, w), heading=h, **others))
     return read(path, messages, poses=[])
 
 
-def test_headings_come_from_an_orientation_or_else_from_the_gyro(
-    tmp_path,
-):
+def test_headings_come_from_an_orientation_or_else_from_the_gyro(tmp_path):
     found = without_poses(tmp_path)
     (log,) = found.runs
     assert "poses: /imu/data (headings of an IMU); gyro: /imu/data" in found.taken[0]
     assert not log.has_place.any()
-    heading, true = (
-        log.pose[log.has_heading, 2],
-        np.interp(log.time, LOG.time, YAW)[log.has_heading],
-    )
+    heading = log.pose[log.has_heading, 2]
+    true = np.interp(log.time, LOG.time, YAW)[log.has_heading]
     np.testing.assert_allclose(heading - heading[0], true - true[0], atol=0.01)
     require_true(log)
     found = without_poses(tmp_path / "without", heading=[0.0] * len(TIME))

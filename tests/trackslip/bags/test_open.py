@@ -34,29 +34,28 @@ LONG = wandered(duration=30.0)
 
 
 def file_of(path):
-    return (
-        path
-        if path.is_file()
-        else next(file for file in sorted(path.iterdir()) if file.suffix != ".yaml")
-    )
+    """The file of a bag, which is one or a folder with one besides the metadata."""
+    if path.is_file():
+        return path
+    return next(file for file in sorted(path.iterdir()) if file.suffix != ".yaml")
 
 
 @pytest.mark.parametrize(("kind", "compression"), [*((kind, None) for kind in KINDS), *COMPRESSED])
 def test_every_message_comes_back_with_every_bit(tmp_path, kind, compression):
     """Types that nobody knows are in nobody's way."""
-    odd = [
-        ("/odd", "odd_msgs/msg/Odd", at, {"text": "x", "what": [1, 2]})
-        for *_, at, _ in MESSAGES[::7]
-    ]
+    odd = []
+    for *_, at, _ in MESSAGES[::7]:
+        odd.append(("/odd", "odd_msgs/msg/Odd", at, {"text": "x", "what": [1, 2]}))
     path = write_bag(tmp_path / "run", kind, in_order(MESSAGES, odd), compression=compression)
     bag = open_bag(path)
     assert contents(bag.messages("joint_states")) == expected(MESSAGES)
     assert bag.first("/odd", 1)[0].content.text == "x"
-    assert (bag.name, bag.notes) == ("run", ())
+    assert bag.name == "run"
+    assert bag.notes == ()
+    topics = {name: (topic.type, topic.count) for name, topic in bag.topics.items()}
     with AnyReader([path]) as reader:
-        assert {name: (topic.type, topic.count) for name, topic in bag.topics.items()} == {
-            name: (topic.msgtype, topic.msgcount) for name, topic in reader.topics.items()
-        }
+        by_rosbags = {name: (each.msgtype, each.msgcount) for name, each in reader.topics.items()}
+    assert topics == by_rosbags
     times = [at for topic, _, at, _ in MESSAGES if topic == "/slam/pose"]
     np.testing.assert_array_equal(bag.arrivals()["/slam/pose"], times)
 
@@ -65,9 +64,8 @@ def test_every_message_comes_back_with_every_bit(tmp_path, kind, compression):
 def test_metadata_that_is_damaged_is_refused_and_not_needed(tmp_path, text):
     folder = write_bag(tmp_path / "run", "sqlite3", MESSAGES)
     (folder / "metadata.yaml").write_text(text)
-    with pytest.raises(
-        LogError, match=r"run: can't be read \(.*may repair it: ros2 bag reindex \S*run$"
-    ):
+    said = r"run: can't be read \(.*may repair it: ros2 bag reindex \S*run$"
+    with pytest.raises(LogError, match=said):
         open_bags(folder)
     (folder / "metadata.yaml").unlink()
     assert contents(open_bag(folder).messages("/joint_states")) == expected(MESSAGES)
@@ -75,9 +73,8 @@ def test_metadata_that_is_damaged_is_refused_and_not_needed(tmp_path, text):
 
 def test_a_split_recording_is_one_bag_by_its_metadata(tmp_path):
     folder = write_bag(tmp_path / "run", "mcap", MESSAGES[:100])
-    shutil.copy(
-        file_of(write_bag(tmp_path / "more", "mcap", MESSAGES[100:])), folder / "run_1.mcap"
-    )
+    rest = write_bag(tmp_path / "more", "mcap", MESSAGES[100:])
+    shutil.copy(file_of(rest), folder / "run_1.mcap")
     about = folder / "metadata.yaml"
     about.write_text(about.read_text().replace("- run.mcap", "- run.mcap\n  - run_1.mcap"))
     assert contents(open_bag(folder).messages("/joint_states")) == expected(MESSAGES)
@@ -110,14 +107,9 @@ def test_an_mcap_file_that_was_cut_off_is_read_up_to_there(tmp_path, share, comp
     ],
 )
 def test_damage_is_refused_with_the_command_that_repairs(tmp_path, kind, command):
-    path = file_of(
-        write_bag(
-            tmp_path / "run",
-            kind,
-            joints_of(LONG),
-            compression="lz4" if kind != "sqlite3" else None,
-        )
-    )
+    compression = None if kind == "sqlite3" else "lz4"
+    bag = write_bag(tmp_path / "run", kind, joints_of(LONG), compression=compression)
+    path = file_of(bag)
     whole = bytearray(path.read_bytes())
     middle = len(whole) // 3
     whole[middle : middle + 3000] = bytes(3000)
@@ -156,15 +148,11 @@ def test_what_is_no_bag_is_refused(tmp_path, name, content, message):
 def damaged(tmp_path_factory):
     folder = tmp_path_factory.mktemp("damaged")
     found = {}
-    for kind, compression in (
-        *((kind, None) for kind in KINDS),
-        ("ros1", "bz2"),
-        ("sqlite3", "message"),
-    ):
-        path = file_of(
-            write_bag(folder / f"{kind}{compression}", kind, MESSAGES[:60], compression=compression)
-        )
-        found[f"{kind} {compression}"] = path, folder / f"x{''.join(path.suffixes)}"
+    plain = [(kind, None) for kind in KINDS]
+    for kind, compression in (*plain, ("ros1", "bz2"), ("sqlite3", "message")):
+        bag = folder / f"{kind}{compression}"
+        whole = file_of(write_bag(bag, kind, MESSAGES[:60], compression=compression))
+        found[f"{kind} {compression}"] = whole, folder / f"x{''.join(whole.suffixes)}"
     return found
 
 
@@ -179,7 +167,9 @@ def test_damage_never_ends_in_a_traceback(damaged, seed):
     for _ in range(rng.integers(1, 7)):
         place = rng.integers(len(content))
         content[place : place + 8] = rng.bytes(rng.integers(1, 9))
-    file.write_bytes(content[: rng.integers(len(content) + 1)] if rng.random() < 0.5 else content)
+    if rng.random() < 0.5:
+        content = content[: rng.integers(len(content) + 1)]
+    file.write_bytes(content)
     said = ""
     try:
         bag = open_bag(file)
@@ -187,7 +177,8 @@ def test_damage_never_ends_in_a_traceback(damaged, seed):
             assert all(message.topic == topic for message in bag.messages(topic))
     except TrackslipError as error:
         said = str(error)
-    assert not said or (file.name in said and "\n" not in said)
+    assert "\n" not in said
+    assert not said or file.name in said
 
 
 LATE = (
@@ -202,7 +193,8 @@ def test_a_stamp_beyond_2116_is_refused_in_one_line(tmp_path):
     types = get_typestore(Stores.ROS2_JAZZY)
     types.register(get_types_from_msg(LATE, "odd_msgs/msg/Late"))
     stamp = types.types["odd_msgs/msg/Stamp"](2**62 // 10**9 + 1, 0)
-    message = types.types["odd_msgs/msg/Late"](types.types["odd_msgs/msg/Header"](stamp), 1.0)
+    header = types.types["odd_msgs/msg/Header"](stamp)
+    message = types.types["odd_msgs/msg/Late"](header, 1.0)
     folder = tmp_path / "late"
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         connection = writer.add_connection("/late", "odd_msgs/msg/Late", typestore=types)
@@ -237,7 +229,7 @@ def test_a_packed_file_is_unpacked_into_a_private_folder(tmp_path, monkeypatch):
 
 def test_without_rosbags_one_line_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    with pytest.raises(
-        TrackslipError, match=r'bags need the package rosbags: pip install -e "\.\[ros\]"'
-    ):
-        trackslip.load(write_bag(tmp_path / "run", "mcap", MESSAGES))
+    bag = write_bag(tmp_path / "run", "mcap", MESSAGES)
+    said = r'bags need the package rosbags: pip install -e "\.\[ros\]"'
+    with pytest.raises(TrackslipError, match=said):
+        trackslip.load(bag)

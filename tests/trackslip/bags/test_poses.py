@@ -30,18 +30,15 @@ from trackslip.bags.topics import pose_source, pose_sources
 from trackslip.errors import LogError
 
 LOG = wandered(duration=8.0)
-
 SEEN = LOG.pose[LOG.is_valid]
-
 WRAPPED = np.column_stack([SEEN[:, :2], se2.wrap_angle(SEEN[:, 2])])
-
 SOURCES = {"/odom": odometry, "/slam/pose": pose_stamped, "/amcl_pose": pose_with_covariance}
 
 
 def read(tmp_path, messages, source, kind="mcap"):
     notes = []
-    found = read_poses(open_bag(write_bag(tmp_path / "run", kind, messages)), source, notes)
-    return found, notes
+    bag = open_bag(write_bag(tmp_path / "run", kind, messages))
+    return read_poses(bag, source, notes), notes
 
 
 @pytest.mark.parametrize(
@@ -60,12 +57,13 @@ def test_poses_of_every_type(tmp_path, kind, topic):
 def test_headings_are_those_of_the_x_axis_from_above(yaw, pitch, roll):
     turned = Rotation.from_euler("ZYX", [yaw, pitch, roll])
     notes = []
-    found, *_ = headings(
-        np.stack([turned.as_quat(), [0, 0, 0, 1], [0, 0, 0, 1]]), "topic /a", notes
-    )
+    level = [0, 0, 0, 1]
+    quaternions = np.stack([turned.as_quat(), level, level])
+    found, *_ = headings(quaternions, "topic /a", notes)
     x, y, _ = turned.apply([1.0, 0.0, 0.0])
     assert se2.wrap_angle(found - np.arctan2(y, x)) == pytest.approx(0.0, abs=1e-9)
-    tilt = np.arccos(min(turned.apply([0.0, 0.0, 1.0])[2], 1.0))
+    _, _, up = turned.apply([0.0, 0.0, 1.0])
+    tilt = np.arccos(min(up, 1.0))
     assert bool(notes) == (tilt > np.radians(20))
 
 
@@ -73,7 +71,8 @@ def with_turn(turn, rows=range(80)):
     messages = poses_of(LOG)
     for k in rows:
         topic, kind, at, fields = messages[k]
-        messages[k] = topic, kind, at, fields | {"pose": fields["pose"] | {"orientation": turn}}
+        pose = fields["pose"] | {"orientation": turn}
+        messages[k] = topic, kind, at, fields | {"pose": pose}
     return messages
 
 
@@ -106,10 +105,8 @@ def test_orientations_that_are_no_headings(tmp_path, messages, note):
 
 
 TILTED = quaternion(SEEN[10, 2], np.radians(31))
-ASTRAY = [
-    pose_stamped(stamp(0.7), (np.nan, 0.0, 0.0)) if k == 7 else one
-    for k, one in enumerate(poses_of(LOG))
-]
+ASTRAY = poses_of(LOG)
+ASTRAY[7] = pose_stamped(stamp(0.7), (np.nan, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -130,18 +127,21 @@ def test_poses_that_mean_nothing_are_left_out(tmp_path, messages, without, note)
 
 
 def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
-    messages = [
-        fix(stamp(k / 5), 47.0 + 1e-6 * k, 8.0 - 1e-6 * k, 400.0, status=-1 if k in (3, 4) else 2)
-        for k in range(20)
-    ]
+    messages = []
+    for k in range(20):
+        latitude = 47.0 + 1e-6 * k
+        longitude = 8.0 - 1e-6 * k
+        status = -1 if k in (3, 4) else 2
+        messages.append(fix(stamp(k / 5), latitude, longitude, 400.0, status=status))
     found, notes = read(tmp_path, messages, "/fix")
     assert found.values.shape == (18, 3)
     assert np.isnan(found.values[:, 2]).all()
     assert found.values[-1, 1] == pytest.approx(19 * 0.1112, rel=1e-3)
     assert found.values[-1, 0] < 0
     assert notes == ["topic /fix: 2 of 20 messages left out: they have no fix"]
+    without = [fix(stamp(k), 0.0, 0.0, status=-1) for k in range(3)]
     with pytest.raises(LogError, match="topic /fix: none of its 3 messages has a fix"):
-        read(tmp_path / "none", [fix(stamp(k), 0.0, 0.0, status=-1) for k in range(3)], "/fix")
+        read(tmp_path / "none", without, "/fix")
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
@@ -149,11 +149,11 @@ def test_a_chain_of_transforms_is_sampled_at_its_slowest_link(tmp_path, kind):
     found, _ = read(tmp_path, chain_of(LOG), "tf:map:sensor", kind)
     times = np.arange(8) + 0.52
     np.testing.assert_array_equal(found.stamp, [stamp(t) for t in times])
+    on_robot = (0.2, 0.1, 0.5)
     for time, where in zip(times, found.values, strict=True):
+        corrected = (1.0 + 0.01 * np.floor(time), 2.0, 0.3)
         between = [np.interp(time, LOG.time, column) for column in LOG.pose.T]
-        expected = reduce(
-            se2.compose, [(1.0 + 0.01 * np.floor(time), 2.0, 0.3), between, (0.2, 0.1, 0.5)]
-        )
+        expected = reduce(se2.compose, [corrected, between, on_robot])
         np.testing.assert_allclose(where[:2], expected[:2], atol=1e-9)
         assert se2.wrap_angle(where[2] - expected[2]) == pytest.approx(0.0, abs=1e-9)
 
@@ -191,26 +191,32 @@ def sources(tmp_path, *messages):
 
 
 def test_sources_by_how_independent_of_the_wheels_they_are(tmp_path):
-    wheels, goal = poses_of(LOG, odometry), poses_of(LOG, topic="/goal_pose")
+    wheels = poses_of(LOG, odometry)
+    goal = poses_of(LOG, topic="/goal_pose")
     fused = poses_of(LOG, odometry, topic="/odometry/filtered")
     truth = poses_of(LOG, odometry, topic="/ground_truth")
     mocap = poses_of(LOG, topic="/vrpn/robot/pose")
     gnss = [fix(stamp(t), 47.0, 8.0) for t in LOG.time]
-    bag, names = sources(
-        tmp_path, wheels, goal, fused, truth, mocap, gnss, chain_of(LOG), poses_of(LOG)
-    )
-    topics = (
-        "/vrpn/robot/pose /slam/pose tf:map:base_link /fix /ground_truth /odometry/filtered /odom"
-    )
-    assert names == topics.split()
+    slam = poses_of(LOG)
+    bag, names = sources(tmp_path, wheels, goal, fused, truth, mocap, gnss, chain_of(LOG), slam)
+    assert names == [
+        "/vrpn/robot/pose",
+        "/slam/pose",
+        "tf:map:base_link",
+        "/fix",
+        "/ground_truth",
+        "/odometry/filtered",
+        "/odom",
+    ]
     assert pose_source(bag, AUTOMATIC).name == "/vrpn/robot/pose"
 
 
-ROBOTS = [
-    message
-    for name in ("a/base_link", "b/base_link")
-    for message in poses_of(LOG, lambda at, where, name=name: transform(at, "map", name, where))
-]
+def as_transforms(name):
+    """LOG's poses as transforms of a frame."""
+    return poses_of(LOG, lambda at, where: transform(at, "map", name, where))
+
+
+ROBOTS = [*as_transforms("a/base_link"), *as_transforms("b/base_link")]
 
 
 @pytest.mark.parametrize(

@@ -23,14 +23,15 @@ ON_ROBOT = [
 @pytest.fixture(scope="module")
 def driven():
     start = compose(np.array(MOUNT), np.array([3.0, 0.0, 1.0])).tolist()
-    return drive(
-        teleoperated(np.random.default_rng(1), 15.0, 3.0), start, MOUNT, beams=241, place=OFF
-    )
+    omega = teleoperated(np.random.default_rng(1), 15.0, 3.0)
+    return drive(omega, start, MOUNT, beams=241, place=OFF)
 
 
 def errors(log, true):
+    """Root mean squares (3,) of the errors of the valid poses; whole turns don't count."""
     error = log.pose[log.is_valid] - true(log.time[log.is_valid])
-    error[:, 2] -= 2 * np.pi * np.round(np.median(error[:, 2]) / (2 * np.pi))
+    whole_turns = np.round(np.median(error[:, 2]) / (2 * np.pi))
+    error[:, 2] -= 2 * np.pi * whole_turns
     return np.sqrt(np.mean(error**2, axis=0))
 
 
@@ -58,13 +59,11 @@ def test_transforms_tell_where_the_scanner_stands(tmp_path, driven):
 
 
 def test_scans_with_other_beams_are_left_out(tmp_path, driven):
-    other = scan_messages(
-        replace(driven, time=driven.time[:15], angle_increment=2 * driven.angle_increment)
-    )
-    with pytest.warns(
-        LogWarning, match="topic /scan: 15 scans with other beams than most left out"
-    ):
-        load(write_session(tmp_path / "run", "mcap", driven, other), CHOICE)
+    few = replace(driven, time=driven.time[:15], angle_increment=2 * driven.angle_increment)
+    bag = write_session(tmp_path / "run", "mcap", driven, scan_messages(few))
+    said = "topic /scan: 15 scans with other beams than most left out"
+    with pytest.warns(LogWarning, match=said):
+        load(bag, CHOICE)
 
 
 @pytest.mark.parametrize(
@@ -80,5 +79,6 @@ def test_scans_with_other_beams_are_left_out(tmp_path, driven):
     ],
 )
 def test_what_the_bag_does_not_have(tmp_path, driven, messages, choice, said):
+    bag = write_session(tmp_path / "run", "mcap", driven, messages)
     with pytest.raises(LogError, match=said):
-        load(write_session(tmp_path / "run", "mcap", driven, messages), choice)
+        load(bag, choice)

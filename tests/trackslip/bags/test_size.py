@@ -87,7 +87,8 @@ def test_numbers_are_counted_while_they_are_collected(tmp_path):
     message = CDR + struct.pack("<I", 10_000) + bytes(4) + bytes(80_000)
     path = mcap(tmp_path / "run.mcap", *100 * [message], together=False)
     (bag,) = open_bags(path, 20_000_000)
-    header = type("Header", (), {"stamp": type("Stamp", (), {"sec": 0, "nanosec": 0})})
+    stamp = type("Stamp", (), {"sec": 0, "nanosec": 0})
+    header = type("Header", (), {"stamp": stamp})
     with pytest.raises(LogError, match=r"reading it may take 20\.\d MB of memory"):
         bag.readings(["/joint_states"], lambda content: [(0, header, content.position)])
 

@@ -16,6 +16,12 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import circle, paper_reference
 
 
+def lqr_gains(a, b, q, r):
+    """Gains K of the optimal u = -K x by the discrete Riccati equation."""
+    cost = solve_discrete_are(a, b, q, r)
+    return np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
+
+
 @pytest.mark.parametrize(
     "error", [(0.02, -0.01, 0.05), (0.3, 0.2, -0.4), (-0.5, 0.1, 0.8), (0.0, -0.6, 0.3)]
 )
@@ -29,36 +35,44 @@ def test_the_plan_is_the_optimum_of_its_problem(law, error, speed):
     controller = law(intervals=8, track_speed=0.26, **more)
     reference = circle(0.8, speed, 40.0)
     nodes = 5.0 + controller.interval * np.arange(9)
-    twists, desired = reference.twist((nodes[1:] + nodes[:-1]) / 2), reference.pose(nodes)
+    twists = reference.twist((nodes[1:] + nodes[:-1]) / 2)
+    desired = reference.pose(nodes)
     wanted = track_speeds(twists, controller.half_gauge)
     a, b = error_dynamics(twists, controller.interval)
     pose = pose_with_error(desired[0], np.array(error))
 
     def predicted(speeds):
-        left, at = np.array(error), pose
+        """Errors (8, 3) at the nodes after the first."""
+        errors = []
+        left = np.array(error)
+        at = pose
         for k, change in enumerate(speeds - wanted):
-            left = a[k] @ left + b[k] @ twist_of_tracks(change, controller.half_gauge)
-            at = advance(at, twist_of_tracks(speeds[k], controller.half_gauge), controller.interval)
-            yield left if law is LinearPredictive else at - desired[k + 1]
+            correction = twist_of_tracks(change, controller.half_gauge)
+            left = a[k] @ left + b[k] @ correction
+            twist = twist_of_tracks(speeds[k], controller.half_gauge)
+            at = advance(at, twist, controller.interval)
+            errors.append(left if law is LinearPredictive else at - desired[k + 1])
+        return np.array(errors)
 
     def cost(speeds):
         speeds = speeds.reshape(-1, 2)
-        errors = np.sum(np.square(list(predicted(speeds))) * controller.weights)
-        return errors + np.sum((speeds - wanted) ** 2) / controller.speed_scale**2
+        of_errors = np.sum(predicted(speeds) ** 2 * controller.weights)
+        of_speeds = np.sum((speeds - wanted) ** 2) / controller.speed_scale**2
+        return of_errors + of_speeds
 
-    limits = [(-controller.track_speed, controller.track_speed)] * wanted.size
-    options = {"ftol": 1e-15, "gtol": 1e-9, "maxfun": 100_000, "maxiter": 10_000}
     best = minimize(
         cost,
         np.clip(wanted, -0.26, 0.26).ravel(),
         method="L-BFGS-B",
-        bounds=limits,
-        options=options,
+        bounds=[(-controller.track_speed, controller.track_speed)] * wanted.size,
+        options={"ftol": 1e-15, "gtol": 1e-9, "maxfun": 100_000, "maxiter": 10_000},
     )
     driven = track_speeds(controller.twist(5.0, pose, reference), controller.half_gauge)
     np.testing.assert_allclose(driven, best.x[:2], atol=2e-4)
     assert np.abs(driven).max() <= controller.track_speed
-    assert (np.abs(best.x) == controller.track_speed).any() == (np.hypot(*error[:2]) > 0.1)
+    is_limited = (np.abs(best.x) == controller.track_speed).any()
+    is_far = np.hypot(error[0], error[1]) > 0.1
+    assert is_limited == is_far
 
 
 def test_optima_within_bounds_are_those_of_scipy():
@@ -78,10 +92,8 @@ def test_optima_within_bounds_are_those_of_scipy():
 
 def test_ill_conditioned_problems_end():
     """Of errors that cost 10^10 times as much as others, and robots metres away."""
-    controller, reference = (
-        ModelPredictive(intervals=40, position_scale=1e-4, final_weight=1e4),
-        circle(1.0, 0.2, 40.0),
-    )
+    controller = ModelPredictive(intervals=40, position_scale=1e-4, final_weight=1e4)
+    reference = circle(1.0, 0.2, 40.0)
     pose = reference.pose(5.0) + np.random.default_rng(0).normal(0, 10.0, (4, 3))
     assert np.isfinite(controller.twist(5.0, pose, reference)).all()
 
@@ -95,13 +107,11 @@ def test_many_samples_tend_to_the_linear_quadratic_optimum():
     sampling = PathIntegral(samples=4000, intervals=5, noise=0.03, temperature=0.5)
     scale = sampling.noise * np.sqrt(2 / sampling.temperature)
     wanted = LinearPredictive(intervals=5, speed_scale=scale).twist(5.0, pose, reference)
-    found = np.mean(
-        [sampling.twist(5.0 + 1e-6 * k, pose, reference) for k in range(100)][20:], axis=0
-    )
-    change = wanted - reference.twist(5.0)
-    np.testing.assert_allclose(
-        found - reference.twist(5.0), change, atol=0.05 * np.abs(change).max()
-    )
+    twists = [sampling.twist(5.0 + 1e-6 * k, pose, reference) for k in range(100)]
+    settled = twists[20:]
+    found = np.mean(settled, axis=0) - reference.twist(5.0)
+    expected = wanted - reference.twist(5.0)
+    np.testing.assert_allclose(found, expected, atol=0.05 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("twist", [(0.15, 0.12), (-0.2, 0.1), (0.15, 0.0), (0.0, 0.0)])
@@ -137,9 +147,7 @@ def test_on_a_long_arc_the_gain_solves_the_riccati_equation(speed):
     controller = Lqr()
     reference = circle(1.0, speed, 120.0)
     a, b = error_dynamics(reference.twist(5.0), controller.period)
-    q, r = controller.weights
-    cost = solve_discrete_are(a, b, q, r)
-    wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
+    wanted = lqr_gains(a, b, *controller.weights)
     gains = controller.gains(reference)
     np.testing.assert_allclose(gains[100], wanted, rtol=1e-6)
     np.testing.assert_allclose(error_gains(controller, 5.0, reference), -wanted, atol=1e-6)
@@ -153,7 +161,8 @@ def test_gains_do_not_fade_towards_the_end():
     last = gains[-1]
     assert -last[0, 0] > 0.5
     assert -last[1, 2] > 0.5
-    np.testing.assert_allclose(last[[0, 1, 1], [1, 0, 1]], 0.0, atol=1e-12)
+    others = last[[0, 1, 1], [1, 0, 1]]
+    np.testing.assert_allclose(others, 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("speed", [0.15, -0.15])
@@ -162,21 +171,20 @@ def test_near_the_reference_a_long_horizon_is_the_lqr(speed):
     controller = ModelPredictive(intervals=60, interval=0.25, final_weight=1.0, iterations=2)
     reference = circle(1.0, speed, 60.0)
     a, b = error_dynamics(reference.twist(5.0), controller.interval)
-    scales = np.array(
-        [controller.position_scale, controller.position_scale, controller.heading_scale]
-    )
+    position = controller.position_scale
+    scales = np.array([position, position, controller.heading_scale])
     tracks = track_speeds(np.eye(2), controller.half_gauge).T / controller.speed_scale
-    q, r = np.diag(scales**-2), tracks.T @ tracks
-    cost = solve_discrete_are(a, b, q, r)
-    wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
-    np.testing.assert_allclose(
-        error_gains(controller, 5.0, reference, h=1e-4), -wanted, rtol=2e-3, atol=2e-3
-    )
+    wanted = lqr_gains(a, b, q=np.diag(scales**-2), r=tracks.T @ tracks)
+    gains = error_gains(controller, 5.0, reference, h=1e-4)
+    np.testing.assert_allclose(gains, -wanted, rtol=2e-3, atol=2e-3)
 
 
 def test_sampled_tracks_do_not_exceed_their_limit():
-    controller, reference = PathIntegral(), circle(0.7, 0.2, 40.0)
-    pose = pose_with_error(reference.pose(5.0), np.random.default_rng(0).uniform(-1, 1, (20, 3)))
-    tracks = track_speeds(controller.twist(5.0, pose, reference), controller.half_gauge)
-    assert np.abs(tracks).max() == pytest.approx(controller.track_speed, rel=0.1)
-    assert (np.abs(tracks) <= controller.track_speed + 1e-12).all()
+    controller = PathIntegral()
+    reference = circle(0.7, 0.2, 40.0)
+    start_errors = np.random.default_rng(0).uniform(-1, 1, (20, 3))
+    pose = pose_with_error(reference.pose(5.0), start_errors)
+    twist = controller.twist(5.0, pose, reference)
+    tracks = np.abs(track_speeds(twist, controller.half_gauge))
+    assert tracks.max() == pytest.approx(controller.track_speed, rel=0.1)
+    assert (tracks <= controller.track_speed + 1e-12).all()

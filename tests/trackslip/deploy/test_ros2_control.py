@@ -32,16 +32,17 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_controller_moves_and_reckons_as_the_law_says(name):
-    laws, twist = CASES[name], twists(500)
+    laws = CASES[name]
+    twist = twists(500)
     parameters = parameters_in(diff_drive_text(laws, name))
-    controller, law = DiffDrive.of(parameters), laws.laws[name]
+    controller = DiffDrive.of(parameters)
+    law = laws.laws[name]
     assert set(parameters) <= PARAMETERS
     assert all(type(value) is float for value in parameters.values())
     omega = law.sprocket_speeds(twist, GEOMETRY)
     np.testing.assert_allclose(controller.wheel_speeds(twist), omega, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(
-        controller.twist(omega), law.twist(omega, GEOMETRY), rtol=1e-12, atol=1e-12
-    )
+    reckoned = controller.twist(omega)
+    np.testing.assert_allclose(reckoned, law.twist(omega, GEOMETRY), rtol=1e-12, atol=1e-12)
 
 
 def test_tracks_with_different_icrs_move_a_point_off_the_middle():
@@ -49,12 +50,15 @@ def test_tracks_with_different_icrs_move_a_point_off_the_middle():
     text = diff_drive_text(STORED, "icr_sides")
     distance = float(re.search(r"([\d.]+) m to the right of the middle", text)[1])
     assert distance == pytest.approx(0.005)  # D is 40 mm on the left, 50 mm on the right
-    controller, law = DiffDrive.of(parameters_in(text)), STORED.laws["icr_sides"]
+    controller = DiffDrive.of(parameters_in(text))
+    law = STORED.laws["icr_sides"]
     omega = law.sprocket_speeds(twists(50), GEOMETRY)
-    reckoned, real = controller.twist(omega), law.twist(omega, GEOMETRY)
+    reckoned = controller.twist(omega)
+    real = law.twist(omega, GEOMETRY)
     np.testing.assert_allclose(reckoned[:, 1], real[:, 1], rtol=1e-12, atol=1e-12)
     start = np.array([0.0, -distance, 0.0])
-    ends, middle = advance(start, reckoned, 0.5), advance(np.zeros(3), real, 0.5)
+    ends = advance(start, reckoned, 0.5)
+    middle = advance(np.zeros(3), real, 0.5)
     aside = distance * np.stack([np.sin(middle[:, 2]), -np.cos(middle[:, 2])], axis=-1)
     np.testing.assert_allclose(ends[:, :2], middle[:, :2] + aside, atol=1e-12)
 
@@ -63,9 +67,11 @@ def test_variances_of_twists_add_up_to_the_slip_that_varies():
     """A filter that adds 500 twists of 20 ms at 1 m/s has the variance of 10 m of way."""
     noise = {"slip_forward": 0.02, "slip_sideways": 0.01, "slip_turn": 0.03}
     laws = stored(method="drive", drive={"laws": {"icr": {"noise": noise}}})
-    diagonal = np.array(parameters_in(diff_drive_text(laws, "icr"))["twist_covariance_diagonal"])
+    controller = parameters_in(diff_drive_text(laws, "icr"))
+    diagonal = np.array(controller["twist_covariance_diagonal"])
     expected = 10.0 * np.array([*noise.values()]) ** 2
-    np.testing.assert_allclose(500 * 0.02**2 * diagonal[[0, 1, 5]], expected, rtol=1e-12)
+    x_y_yaw = diagonal[[0, 1, 5]]
+    np.testing.assert_allclose(500 * 0.02**2 * x_y_yaw, expected, rtol=1e-12)
     assert (diagonal[2:5] == 1e6).all()
     assert "twist_covariance_diagonal" not in diff_drive_text(laws, "icr_radius")
 
@@ -75,30 +81,32 @@ def test_no_variance_is_0_where_drives_don_t_tell_it(unknown):
     """As with headings alone: to a filter, a variance of 0 is a velocity without error."""
     noise = {"slip_forward": 0.02, "slip_sideways": 0.01, "slip_turn": 0.03}
     noise[f"slip_{unknown}"] = 0.0
-    text = diff_drive_text(stored(method="drive", drive={"laws": {"icr": {"noise": noise}}}), "icr")
+    laws = stored(method="drive", drive={"laws": {"icr": {"noise": noise}}})
+    text = diff_drive_text(laws, "icr")
     assert "twist_covariance_diagonal" not in parameters_in(text)
     assert f"left out: the drives don't tell how much slip varies ({unknown})" in text
 
 
 def test_ros_1_takes_the_same_parameters_in_its_own_form():
-    two, one = (deploy_law(SHIPPED, to, "icr_radius") for to in ("ros2_control", "ros_control"))
+    two = deploy_law(SHIPPED, "ros2_control", "icr_radius")
+    one = deploy_law(SHIPPED, "ros_control", "icr_radius")
     assert read_yaml(one) == {"diff_drive_controller": parameters_in(two)}
 
 
-def test_the_named_law_replaces_a_best_law_that_is_inexpressible(
-    tmp_path,
-):
+def test_the_named_law_replaces_a_best_law_that_is_inexpressible(tmp_path):
     file = tmp_path / "laws.json"
-    file.write_text(json.dumps(dict(stored(best="turn_loss", expressible="icr").content)))
+    content = stored(best="turn_loss", expressible="icr").content
+    file.write_text(json.dumps(dict(content)))
     text = deploy_law(file)
     assert "Slip law icr: " in text
-    assert "The best law is turn_loss: this is icr" in text
+    assert "Warning: exported icr, not the best law (turn_loss)" in text
     assert "Slip law turn_loss" in deploy_law(file, "c")
 
 
 def test_the_answer_is_deployed_even_if_the_best_law_could_be(tmp_path):
     file = tmp_path / "laws.json"
-    file.write_text(json.dumps(dict(stored(best="icr_sides", expressible="diff_drive").content)))
+    content = stored(best="icr_sides", expressible="diff_drive").content
+    file.write_text(json.dumps(dict(content)))
     controller = parameters_in(deploy_law(file))
     assert controller["left_wheel_radius_multiplier"] == pytest.approx(1.005)
     assert controller["right_wheel_radius_multiplier"] == pytest.approx(0.988)
@@ -122,29 +130,17 @@ def test_nasty_names_stay_in_comments(to, tmp_path):
     if to == "json":
         assert json.loads(text)["alarms"] == [NASTY + " ±"]
     elif to in ("ros2_control", "ros_control"):
-        assert len(read_yaml(text)["diff_drive_controller"]) == (1 if to == "ros2_control" else 5)
+        sections = 1 if to == "ros2_control" else 5
+        assert len(read_yaml(text)["diff_drive_controller"]) == sections
     elif to == "python":
         names = {}
         exec(compile(text, "law", "exec"), names)
-        assert {name for name in names if name.islower()} == {
-            "__builtins__",
-            "sprocket_speeds",
-            "body_twist",
-        }
+        public = {name for name in names if name.islower()}
+        assert public == {"__builtins__", "sprocket_speeds", "body_twist"}
     elif shutil.which("cc"):
         (tmp_path / "law.h").write_text(text)
-        command = [
-            "cc",
-            "-std=c99",
-            "-Wall",
-            "-Wextra",
-            "-Werror",
-            "-pedantic",
-            "-fsyntax-only",
-            "-x",
-            "c",
-            "law.h",
-        ]
+        options = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
+        command = ["cc", *options, "-fsyntax-only", "-x", "c", "law.h"]
         subprocess.run(command, cwd=tmp_path, check=True)
 
 
@@ -154,7 +150,8 @@ def test_json_is_a_file_of_laws_to_the_last_bit(name, tmp_path):
     file.write_text(TARGETS["json"](stored(), name))
     assert load_laws(file, GEOMETRY) == {name: stored().laws[name]}
     if "c" in FAMILIES[name].targets:
-        assert c_text(read_stored(file), name).count(f"{GEOMETRY.sprocket_radius!r};") == 1
+        header = c_text(read_stored(file), name)
+        assert header.count(f"{GEOMETRY.sprocket_radius!r};") == 1
     units = json.loads(file.read_text())["units"]
     assert set(units) == set(VALUES[name])
 

@@ -42,9 +42,11 @@ def around_blocks(
         v[0] *= 2  # so that three sides end ahead of their start, not only beside it
         w = np.array([0.0, 0.0, turn] * count + [0.0])
         drive = drive_of(CARRIER, duration=4.0 * len(v), commands=(v, w))
-        ends = drive.pose[[0, -1]] + np.random.default_rng(k).normal(size=(2, 3)) * 0.002
+        ends = [0, -1]
+        noise = np.random.default_rng(k).normal(size=(2, 3)) * 0.002
+        pose = change_pose(drive.pose[ends] + noise)
         drive = drive.with_wheels(change_omega(drive.omega))
-        logs.append(log_of(drive, drive.time[[0, -1]], change_pose(ends), f"drive {k}"))
+        logs.append(log_of(drive, drive.time[ends], pose, f"drive {k}"))
     return logs
 
 
@@ -84,7 +86,8 @@ MISREAD = {
 def test_start_and_end_poses_that_are_misread_are_refused(kind):
     misread = MISREAD[kind]
     logs = around_blocks(
-        lambda omega: misread.omega * omega[:, misread.sides], lambda pose: pose * misread.pose
+        change_omega=lambda omega: misread.omega * omega[:, misread.sides],
+        change_pose=lambda pose: pose * misread.pose,
     )
     with pytest.raises(LogError, match=misread.line):
         look(*logs, robot=CARRIER)
@@ -162,7 +165,8 @@ def test_rare_poses_of_few_minutes_do_not_tell_clocks():
 
 
 def test_checks_on_a_straight_are_not_passed_in_silence():
-    drive = drive_of(commands=(np.tile([0.6, 0.2], 20), np.zeros(40)), hold=3.0)
+    speeds = np.tile([0.6, 0.2], 20)
+    drive = drive_of(commands=(speeds, np.zeros(40)), hold=3.0)
     found = look_at(drive, *measured(drive))
     line = "sides of the tracks, direction of headings and axes of positions can't be checked"
     assert f"{line}: the robot hardly turns" in found.notes
@@ -181,7 +185,8 @@ def test_unknown_checks_with_one_reason_are_one_line():
 def test_counts_are_an_alarm_at_any_gain(gain):
     """Counts since the last reading that happen to be speeds in rad/s times a gain."""
     angle = np.cumsum(DRIVE.omega * ENCODER_STEP, axis=0)
-    counts = np.diff(np.floor(angle / ENCODER_STEP / gain), axis=0, prepend=0.0)
+    count = np.floor(angle / ENCODER_STEP / gain)
+    counts = np.diff(count, axis=0, prepend=0.0)
     found = look_at(DRIVE.with_wheels(counts))
     (alarm,) = [alarm for alarm in found.alarms if alarm.kind == "units"]
     assert alarm.line.startswith("omega_l and omega_r are whole numbers")
@@ -192,9 +197,11 @@ def test_commands_in_whole_rad_per_second_are_no_counts():
     rows = np.minimum((DRIVE.time / 1.2).astype(int), len(commands) - 1)
     omega = commands[rows].astype(float)
     left, right = omega.T * HUSKY.radius
+    v = (left + right) / 2
+    w = (right - left) / (2 * HUSKY.half_gauge)
     step = np.append(0.0, np.diff(DRIVE.time))
-    heading = np.cumsum((right - left) / (2 * HUSKY.half_gauge) * step)
-    place = np.cumsum((left + right) / 2 * step * np.exp(1j * heading))
+    heading = np.cumsum(w * step)
+    place = np.cumsum(v * step * np.exp(1j * heading))
     pose = np.column_stack([place.real, place.imag, heading])[::5]
     found = look_at(DRIVE.with_wheels(omega), DRIVE.time[::5], pose)
     assert verdicts(found)["counts"] is Verdict.HOLDS

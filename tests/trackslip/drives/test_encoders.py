@@ -20,7 +20,8 @@ def jittered(kind="omega", jitter=0.02, pose_step=0.1):
     stamp = read + 0.03 + jitter * rng.uniform(-1, 1, len(read))
     turned = np.cumsum(DRIVE.omega * ENCODER_STEP, axis=0)
     angle = np.column_stack([np.interp(read, DRIVE.time, side) for side in turned.T])
-    readings = angle[1:] if kind == "angle" else np.diff(angle, axis=0) / np.diff(stamp)[:, None]
+    speed = np.diff(angle, axis=0) / np.diff(stamp)[:, None]
+    readings = angle[1:] if kind == "angle" else speed
     encoders = pd.DataFrame(readings, stamp[1:], (f"{kind}_l", f"{kind}_r"))
     time, pose = measured(DRIVE, pose_step)
     poses = pd.DataFrame(pose, time, ("x", "y", "phi"))
@@ -29,7 +30,8 @@ def jittered(kind="omega", jitter=0.02, pose_step=0.1):
 
 def look_in(rows):
     """The first look at a table, and the notes of its reader."""
-    read = runs_from_table(pa.Table.from_pandas(rows.reset_index(), preserve_index=False), "a")
+    table = pa.Table.from_pandas(rows.reset_index(), preserve_index=False)
+    read = runs_from_table(table, "a")
     return look(*read.runs), " ".join(read.notes)
 
 
@@ -72,26 +74,31 @@ def test_counts_of_unknown_times_are_an_alarm():
 
 def test_short_runs_of_filled_speeds_are_an_alarm():
     rows = jittered().ffill()
-    parts = [rows[(rows.index >= t) & (rows.index < t + 4)] for t in range(8, 100, 4)]
-    table = pd.concat(part.assign(run=str(k)) for k, part in enumerate(parts)).reset_index()
-    read = runs_from_table(pa.Table.from_pandas(table, preserve_index=False), "a")
+    parts = []
+    for k, begin in enumerate(range(8, 100, 4)):
+        is_part = (rows.index >= begin) & (rows.index < begin + 4)
+        parts.append(rows[is_part].assign(run=str(k)))
+    table = pa.Table.from_pandas(pd.concat(parts).reset_index(), preserve_index=False)
+    read = runs_from_table(table, "a")
     (alarm,) = look(*read.runs).alarms
     assert "each encoder reading is repeated in" in alarm.line
 
 
 def test_held_speeds_of_a_controller_stay_as_they_are():
     rng = np.random.default_rng(0)
-    every = np.cumsum(rng.integers(2, 6, 700))
-    time = 0.02 * np.arange(every[-1])
-    first = np.append(0, every)[np.searchsorted(every, np.arange(every[-1]), side="right")]
-    speed = 3 + np.sin(time[first])
+    changes = np.cumsum(rng.integers(2, 6, 700))  # rows
+    row = np.arange(changes[-1])
+    time = 0.02 * row
+    changed = np.append(0, changes)[np.searchsorted(changes, row, side="right")]
+    speed = 3 + np.sin(time[changed])
     assert speed_readings(time, np.column_stack([speed, speed])) is None
 
 
 def test_a_standing_sprocket_was_read_all_the_time():
     time = 0.02 * np.arange(1500)
     read = 0.06 * np.floor(time / 0.06 + 1e-9)
-    driven = np.where(read < 10, read, np.where(read < 20, 10.0, read - 10))
+    rests = (read >= 10) & (read < 20)
+    driven = np.where(rests, 10.0, np.where(read < 10, read, read - 10))
     angle = 3 * driven + np.sin(driven)
     rows = angle_readings(time, angle[:, None])
     steps = np.diff(time[rows])
@@ -106,7 +113,8 @@ TURNED = 5 * np.arange(400) + np.arange(400) ** 2 % 7
 @pytest.mark.parametrize("angle", [TURNED % 100, 4_000_000_000 + TURNED])
 def test_wrapped_angles_and_large_counts_are_read_once(angle):
     time = 0.02 * np.arange(1200)
-    rows = angle_readings(time, angle[np.arange(1200) // 3][:, None].astype(float))
+    counts = angle[np.arange(1200) // 3].astype(float)
+    rows = angle_readings(time, counts[:, None])
     assert list(rows) == [*range(0, 1200, 3)]
 
 
@@ -122,8 +130,10 @@ def test_values_held_for_several_rows_become_a_smooth_curve():
     middle = (smooth.edges[1:] + smooth.edges[:-1]) / 2
     true = 3 + np.sin(middle + 0.1)
     inside = slice(8, -8)
-    assert np.abs(smooth.omega[inside, 0] - true[inside]).max() < 0.02
-    assert np.abs(np.interp(middle, time - 0.025, held) - true)[inside].max() > 0.05
+    smooth_error = np.abs(smooth.omega[:, 0] - true)
+    held_error = np.abs(np.interp(middle, time - 0.025, held) - true)
+    assert smooth_error[inside].max() < 0.02
+    assert held_error[inside].max() > 0.05
 
 
 @pytest.mark.parametrize(
@@ -158,8 +168,9 @@ def test_several_ticks_in_an_interval_are_spread_over_it():
     ticks = np.where(time > 10.0, np.random.default_rng(1).integers(1, 9, 201), 0)
     ticks[np.searchsorted(time, 10.05)] = 8
     encoders = encoders_of(log_of(time, ticks))
-    turned = encoders.angles[np.searchsorted(encoders.edges, 10.0), 0]
-    assert turned == pytest.approx(0.0, abs=0.5 * 0.1 + 1e-9)
+    start = np.searchsorted(encoders.edges, 10.0)
+    half_tick = 0.5 * 0.1
+    assert encoders.angles[start, 0] == pytest.approx(0.0, abs=half_tick + 1e-9)
 
 
 def test_merged_intervals_turn_by_the_same_angle():

@@ -63,7 +63,8 @@ def test_a_gyro_that_does_not_follow_the_robot_is_left_out(rate):
 
 def test_a_robot_that_hardly_turns_tells_nothing_of_its_gyro():
     log = log_of(np.zeros(len(TIME)))
-    assert with_usable_gyro(replace(log, gyro=OTHER))[1] == ""
+    _, message = with_usable_gyro(replace(log, gyro=OTHER))
+    assert message == ""
 
 
 @pytest.mark.parametrize("log", [WEAVING, CIRCLE])
@@ -75,7 +76,9 @@ def test_the_yaw_axis_is_that_of_the_robots_turns(log, axis):
 
 
 def test_a_biased_imu_on_a_circle_has_its_yaw_axis():
-    found = yaw_axis(CIRCLE, np.outer([0, 0, 1], CIRCLE.pose[:, 2]) + 0.01 * TIME)
+    turned = np.outer([0, 0, 1], CIRCLE.pose[:, 2])
+    bias = 0.01 * TIME
+    found = yaw_axis(CIRCLE, turned + bias)
     np.testing.assert_allclose(found.axis, [0, 0, 1], atol=0.05)
 
 
@@ -86,10 +89,11 @@ def test_an_imu_of_another_robot_has_no_yaw_axis():
 
 def test_a_gyro_on_its_own_has_no_interpolated_poses():
     """Yaw rates that hold for a second give headings on lines."""
-    held = WEAVING.gyro[np.arange(len(TIME)) // 20 * 20]
+    last_second = np.arange(len(TIME)) // 20 * 20
     nowhere = np.full((len(TIME), 3), np.nan)
-    alone = replace(WEAVING, pose=nowhere, valid=np.zeros(len(TIME), bool), gyro=held)
-    (drive,) = drives_of([alone])[0]
+    never = np.zeros(len(TIME), bool)
+    alone = replace(WEAVING, pose=nowhere, valid=never, gyro=WEAVING.gyro[last_second])
+    (drive,), _ = drives_of([alone])
     assert drive.interpolated == 0
     assert drive.repeated == 0
     assert len(drive.time) == len(TIME)

@@ -20,10 +20,13 @@ RATES = (4, 7, 20, 33, 50, 100)
 @st.composite
 def stamps(draw, rng, fastest):
     """Times of one sensor [s], at a rate of its own, maybe with jitter."""
-    step = 1 / draw(st.sampled_from([rate for rate in RATES if rate <= fastest]))
+    rates = [rate for rate in RATES if rate <= fastest]
+    step = 1 / draw(st.sampled_from(rates))
     jitter = draw(st.sampled_from([0.0, 0.4]))
-    time = np.arange(draw(st.sampled_from([0.0, 0.011])), SECONDS, step)
-    return np.round(time + jitter * step * rng.uniform(-1, 1, len(time)) + 1.0, 5)
+    first = draw(st.sampled_from([0.0, 0.011]))
+    time = np.arange(first, SECONDS, step)
+    early_or_late = jitter * step * rng.uniform(-1, 1, len(time))
+    return np.round(time + early_or_late + 1.0, 5)
 
 
 def speeds(kind, rng, time):
@@ -44,7 +47,9 @@ def logs(draw, kinds=KINDS, fastest_poses=100):
     seen = draw(stamps(rng, fastest_poses))
     seen = seen[(seen >= read[0] - 0.5) & (seen <= read[-1])]
     time = np.union1d(read, seen)
-    omega = speeds(draw(st.sampled_from(kinds)), rng, read)[np.searchsorted(read, time)]
+    kind = draw(st.sampled_from(kinds))
+    next_reading = np.searchsorted(read, time)
+    omega = speeds(kind, rng, read)[next_reading]
 
     heading = -np.cos(time)
     gyro = np.append(0.0, np.diff(heading) / np.diff(time))
@@ -54,15 +59,22 @@ def logs(draw, kinds=KINDS, fastest_poses=100):
     return RunLog("a", time, omega, pose, valid=valid, read=np.isin(time, read), gyro=gyro)
 
 
+def steps(log):
+    """Angles (T - 1, 2) that sprockets turn by between the rows of a log [rad]."""
+    return log.omega[1:] * np.diff(log.time)[:, None]
+
+
 def angles(log):
     """Angles (T, 2) turned up to each row of a log [rad]."""
-    turned = np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)
-    return np.concatenate([np.zeros((1, 2)), turned])
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(steps(log), axis=0)])
 
 
 def angles_of(encoders, time):
     """Angles (n, 2) turned up to times (n,) by clean encoders [rad]."""
-    return np.column_stack([np.interp(time, encoders.edges, side) for side in encoders.angles.T])
+    left, right = encoders.angles.T
+    return np.column_stack(
+        [np.interp(time, encoders.edges, left), np.interp(time, encoders.edges, right)]
+    )
 
 
 def table(log, rows):
@@ -71,14 +83,17 @@ def table(log, rows):
     `rows` (n, 2) bool: for each row, whether encoders and pose are in it.
     """
     row = np.flatnonzero(rows.any(axis=1))
-    has = rows[row]
-    columns = {"t": log.time[row % len(log.time)]}
-    values = np.where(has[:, :1], log.omega[row % len(log.time)], np.nan)
-    columns |= zip(("omega_l", "omega_r"), values.T, strict=True)
-    values = np.where(has[:, 1:], log.pose[row % len(log.time)], np.nan)
-    columns |= zip(("x", "y", "phi"), values.T, strict=True)
-    order = np.argsort(columns["t"], kind="stable")
-    return pa.table({name: pa.array(c[order], from_pandas=True) for name, c in columns.items()})
+    has_encoders, has_pose = rows[row].T
+    of_log = row % len(log.time)
+    time = log.time[of_log]
+    omega = np.where(has_encoders[:, None], log.omega[of_log], np.nan)
+    pose = np.where(has_pose[:, None], log.pose[of_log], np.nan)
+    names = ("t", "omega_l", "omega_r", "x", "y", "phi")
+    order = np.argsort(time, kind="stable")
+    columns = {}
+    for name, values in zip(names, (time, *omega.T, *pose.T), strict=True):
+        columns[name] = pa.array(values[order], from_pandas=True)
+    return pa.table(columns)
 
 
 def drive_in(content):
@@ -96,8 +111,9 @@ def test_a_sprocket_turns_by_the_angle_in_its_log(log):
     encoders = encoders_of(log).smooth()
     assert encoders.edges[0] == log.time[0]
     assert encoders.edges[-1] == log.time[-1]
-    size = np.abs(log.omega[1:] * np.diff(log.time)[:, None]).sum(axis=0)
-    assert (np.abs(encoders.angles[-1] - angles(log)[-1]) <= 1e-9 * size).all()
+    missed = np.abs(encoders.angles[-1] - angles(log)[-1])
+    way = np.abs(steps(log)).sum(axis=0)
+    assert (missed <= 1e-9 * way).all()
 
 
 @given(logs(kinds=("smooth", "random")))
@@ -134,8 +150,10 @@ def test_a_sprocket_stands_until_it_starts_in_its_log(log):
 def test_a_standing_sprocket_turns_by_half_a_tick_at_most(log):
     late, start = started_at(7.0, log)
     speeds = np.where(late.omega == 0, np.inf, np.abs(late.omega))
-    tick = speeds.min(axis=0) * np.diff(log.time[log.is_read]).max()
-    assert (np.abs(angles_of(encoders_of(late), start)) <= tick / 2 + 1e-9).all()
+    longest = np.diff(log.time[log.is_read]).max()
+    tick = speeds.min(axis=0) * longest
+    turned = np.abs(angles_of(encoders_of(late), start))
+    assert (turned <= tick / 2 + 1e-9).all()
 
 
 def cut_both_ways(log, begin, end):
@@ -164,14 +182,16 @@ def test_a_cut_log_is_a_cut_drive(log, begin, end):
 def test_away_from_the_cut_a_smooth_log_is_a_smooth_drive(log, begin, end):
     of_part, of_whole = cut_both_ways(log, begin, end)
     away = np.linspace(begin + 0.8, end - 0.8, 50)  # by two readings, beyond which nothing bends
-    turned = np.diff(of_part.smooth().angles(away))
-    np.testing.assert_allclose(turned, np.diff(of_whole.smooth().angles(away)), atol=1e-9)
+    turned_in_part = np.diff(of_part.smooth().angles(away))
+    turned = np.diff(of_whole.smooth().angles(away))
+    np.testing.assert_allclose(turned_in_part, turned, atol=1e-9)
 
 
 @given(logs())
 def test_rows_per_sensor_or_joined_give_the_same_drive(log):
     joined = np.column_stack([log.is_read, log.is_valid])
-    encoders, poses = joined * [True, False], joined * [False, True]
+    encoders = joined * [True, False]
+    poses = joined * [False, True]
     split = np.concatenate([encoders, poses])
     require_same(drive_in(table(log, split)), drive_in(table(log, joined)))
 
@@ -179,7 +199,8 @@ def test_rows_per_sensor_or_joined_give_the_same_drive(log):
 @given(logs())
 def test_arrays_of_each_sensor_give_the_same_drive(log):
     log = log.between(np.argmax(log.is_read), len(log.time))  # poses before are beyond the readings
-    read, seen = log.is_read, log.is_valid
+    read = log.is_read
+    seen = log.is_valid
     encoders = log.time[read], *log.omega[read].T
     poses = log.time[seen], *log.pose[seen].T
     of_arrays = drive_of(RunLog.from_arrays(encoders, poses))
@@ -190,10 +211,12 @@ def test_arrays_of_each_sensor_give_the_same_drive(log):
 def test_empty_cells_may_be_filled_with_the_next_reading(log):
     filled = np.column_stack([np.ones(len(log.time), bool), log.is_valid])
     empty = np.column_stack([log.is_read, log.is_valid])
-    first, last = np.flatnonzero(log.is_read)[[0, -1]]
-    readings = log.time[first : last + 1][log.is_read[first : last + 1]]
-    turned = [np.diff(drive_in(table(log, rows)).angles(readings)) for rows in (filled, empty)]
-    np.testing.assert_allclose(*turned, atol=1e-9)
+    readings = log.time[log.is_read]
+
+    def turned(rows):
+        return np.diff(drive_in(table(log, rows)).angles(readings))
+
+    np.testing.assert_allclose(turned(filled), turned(empty), atol=1e-9)
 
 
 @given(logs())

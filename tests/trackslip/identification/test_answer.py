@@ -16,7 +16,8 @@ from trackslip.identification.steady import fit_law
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.icr import ConstantIcr
 
-GAUGE, RADIUS = 0.30, 0.05  # between the wheels [m], and of the wheels [m]
+GAUGE = 0.30  # between the wheels [m]
+RADIUS = 0.05  # of the wheels [m]
 GEOMETRY = RobotGeometry(GAUGE / 2, RADIUS)
 STRAIGHT = [(6.0, 6.0), (10.0, 10.0), (6.0, 6.0), (10.0, 10.0)]
 SPOT = [(-5.0, 5.0), (5.0, -5.0), (-8.0, 8.0), (8.0, -8.0)]
@@ -140,22 +141,23 @@ def test_turns_in_place_leave_separation_as_open_as_radius(seed):
 
 
 def test_speeds_by_hand_that_scatter_are_no_other_curvatures():
-    scattered = np.array(STRAIGHT + SPOT) + np.random.default_rng(0).normal(0.0, 0.05, (8, 2))
+    noise = np.random.default_rng(0).normal(0.0, 0.05, (8, 2))
+    scattered = np.array(STRAIGHT + SPOT) + noise
     found = answered(by_hand(scattered))
     assert "the samples have 2 of the 4 different curvatures" in found.main.reason
 
 
 def test_multipliers_end_where_the_limits_of_a_law_do():
     """One end of an interval may be cut off: the multiplier is 1 + D / b there, too."""
+    interval = (-0.003, 0.084)
     fit = FittedLaw(
         name="icr_radius",
         law=ConstantIcr(0.004, GAUGE / 2, 0.0),
         values={"offset": 0.004, "radius_error": 0.0},
         stderr={"offset": 0.04, "radius_error": 0.01},
-        interval95={"offset": (-0.003, 0.084), "radius_error": (-0.02, 0.02)},
+        interval95={"offset": interval, "radius_error": (-0.02, 0.02)},
         correlation=np.eye(2),
     )
-    found = answer_of(fit, GAUGE / 2)
-    gain = found["wheel_separation_multiplier"]
-    expected = 1 + np.array([0.004, -0.003, 0.084]) / (GAUGE / 2)
+    gain = answer_of(fit, GAUGE / 2)["wheel_separation_multiplier"]
+    expected = 1 + np.array([0.004, *interval]) / (GAUGE / 2)
     assert tuple(gain) == pytest.approx(tuple(expected))

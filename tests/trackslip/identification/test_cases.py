@@ -50,7 +50,8 @@ def require_true(
     }
     widths = {"offset": offset, "wheel_separation_multiplier": offset / robot.half_gauge}
     if error is not None:
-        truths["radius_error"], widths["radius_error"] = robot.radius_error, error
+        truths["radius_error"] = robot.radius_error
+        widths["radius_error"] = error
     for name, truth in truths.items():
         gain = found.answer[name]
         assert abs(gain.value - truth) <= 1.5 * gain.error, f"{name}: {truth} not in {gain}"
@@ -63,22 +64,23 @@ def test_interpolated_poses(rate, late, digits):
     between them.
     """
     time, pose = measured(DRIVE, pose_step=1 / rate)
-    between = np.column_stack(
-        [np.interp(DRIVE.time, time + late, column) for column in pose.T]
-    ).round(digits)
-    found, knots = answer(log_of(DRIVE, DRIVE.time, between)), answer(log_of(DRIVE, time, pose))
+    columns = [np.interp(DRIVE.time, time + late, column) for column in pose.T]
+    between = np.column_stack(columns).round(digits)
+    found = answer(log_of(DRIVE, DRIVE.time, between))
+    knots = answer(log_of(DRIVE, time, pose))
     require_true(found, offset=0.0025, error=0.002)
-    assert found.answer["offset"].value == pytest.approx(knots.answer["offset"].value, abs=2e-4)
-    assert found.answer["radius_error"].value == pytest.approx(
-        knots.answer["radius_error"].value, abs=2e-4
-    )
+    for name in ("offset", "radius_error"):
+        assert found.answer[name].value == pytest.approx(knots.answer[name].value, abs=2e-4)
     assert any("interpolated poses ignored" in note for note in found.warnings)
 
 
 def test_turns_to_one_side():
     step = np.arange(30)
-    speed = np.where(step % 2 == 0, 0.3, 0.0) * np.where(step % 4 == 0, 1, -1)
-    drive = drive_of(duration=240.0, commands=(speed, np.where(step % 2 == 1, 0.2, 0.0)), hold=8.0)
+    is_straight = step % 2 == 0
+    direction = np.where(step % 4 == 0, 1, -1)
+    v = np.where(is_straight, 0.3, 0.0) * direction
+    w = np.where(is_straight, 0.0, 0.2)
+    drive = drive_of(duration=240.0, commands=(v, w), hold=8.0)
     found = answer(log_of(drive, *measured(drive, position_noise=0.01, heading_noise=0.01)))
     require_true(found, offset=0.003, error=0.002)
     assert found.best != "none"
@@ -90,11 +92,9 @@ def test_positions_alone_of_a_sensor_ahead(seed):
     drive = drive_of(duration=100.0, speed=0.5, yaw_rate=1.5, seed=seed)
     time, pose = measured(drive, pose_step=0.2, position_noise=0.01)
     arm = np.exp(1j * pose[:, 2]) * (0.2 - 0.06j)
-    found = answer(
-        log_of(
-            drive, time, pose * [1, 1, np.nan] + np.stack([arm.real, arm.imag, arm.real], axis=1)
-        )
-    )
+    no_heading = np.full(len(time), np.nan)
+    positions = np.column_stack([pose[:, 0] + arm.real, pose[:, 1] + arm.imag, no_heading])
+    found = answer(log_of(drive, time, positions))
     require_true(found, offset=0.004)
     assert found.alarms == ()
 
@@ -108,12 +108,8 @@ def test_a_true_law_raises_no_alarm_on_a_minute_of_varying_slip(seed):
 @pytest.mark.parametrize("factor", [2.5, 0.4])
 def test_encoders_that_count_otherwise(factor):
     log = log_of(DRIVE.with_wheels(factor * DRIVE.omega), TIME, POSE)
-    require_true(
-        answer(log),
-        replace(HUSKY, radius_error=0.97 / factor - 1),
-        offset=0.001,
-        error=0.001 / factor,
-    )
+    robot = replace(HUSKY, radius_error=0.97 / factor - 1)
+    require_true(answer(log), robot, offset=0.001, error=0.001 / factor)
 
 
 def squares(robot: Robot) -> list[RunLog]:
@@ -121,8 +117,9 @@ def squares(robot: Robot) -> list[RunLog]:
     logs = []
     for k in range(10):
         turn = np.pi / 8 * (1 if k < 5 else -1)
-        commands = np.array([0.5, 0.0] * 4 + [0.0, 0.0]), np.array([0.0, turn] * 4 + [0.0, 0.0])
-        drive = drive_of(robot, duration=33.0, commands=commands)
+        v = np.array([0.5, 0.0] * 4 + [0.0, 0.0])
+        w = np.array([0.0, turn] * 4 + [0.0, 0.0])
+        drive = drive_of(robot, duration=33.0, commands=(v, w))
         time, pose = measured(drive, seed=k)
         logs.append(log_of(drive, time[[0, -1]], pose[[0, -1]], f"square {k}"))
     return logs
@@ -134,7 +131,8 @@ def test_start_and_end_poses():
     found = answer(*squares(robot), robot=robot)
     require_true(found, robot, offset=0.007)
     values = {name: gain.value for name, gain in found.answer.items()}
-    left, right = (values[f"{side}_wheel_radius_multiplier"] for side in ("left", "right"))
+    left = values["left_wheel_radius_multiplier"]
+    right = values["right_wheel_radius_multiplier"]
     assert right / left == pytest.approx(0.995 / 1.01, abs=0.001)
     apart = values["wheel_separation_multiplier"] / ((left + right) / 2)
     assert apart == pytest.approx(1.04 / 1.0025, abs=0.001)
@@ -160,13 +158,13 @@ def test_rare_positions_without_headings_are_an_alarm():
 
 def test_wheels_and_headings_alone():
     k = np.arange(30)
-    commands = np.where(k % 3 == 0, 0.4, 0.0), np.choose(k % 3, [0.0, 0.8, -0.8])
-    drive = drive_of(duration=90.0, commands=commands)
+    v = np.where(k % 3 == 0, 0.4, 0.0)
+    w = np.choose(k % 3, [0.0, 0.8, -0.8])
+    drive = drive_of(duration=90.0, commands=(v, w))
     headings = drive.pose * [np.nan, np.nan, 1.0]
     found = answer(log_of(drive, drive.time, headings))
-    assert found.answer["wheel_separation_multiplier"].value == pytest.approx(
-        1 / HUSKY.turn_gain, abs=5e-4
-    )
+    multiplier = found.answer["wheel_separation_multiplier"].value
+    assert multiplier == pytest.approx(1 / HUSKY.turn_gain, abs=5e-4)
     assert found.drive.look.gains.speed is None
     for side in ("left", "right"):
         assert "measure positions" in found.undetermined[f"{side}_wheel_radius_multiplier"]
@@ -176,14 +174,12 @@ def test_wheels_and_a_gyro_alone():
     """The gyro has a bias and measures nothing for a while."""
     turned = np.gradient(DRIVE.pose[:, 2], ENCODER_STEP) + 0.02
     turned[2000:2050] = np.nan
-    table = table_of(DRIVE, DRIVE.time, DRIVE.pose, "a").drop_columns(["x", "y", "phi"])
-    (log,) = runs_from_table(
-        table.append_column("gyro", pa.array(turned, from_pandas=True)), "gyro.csv"
-    ).runs
+    encoders = table_of(DRIVE, DRIVE.time, DRIVE.pose, "a").drop_columns(["x", "y", "phi"])
+    table = encoders.append_column("gyro", pa.array(turned, from_pandas=True))
+    (log,) = runs_from_table(table, "gyro.csv").runs
     found = answer(log)
-    assert found.answer["wheel_separation_multiplier"].value == pytest.approx(
-        1 / HUSKY.turn_gain, abs=2e-3
-    )
+    multiplier = found.answer["wheel_separation_multiplier"].value
+    assert multiplier == pytest.approx(1 / HUSKY.turn_gain, abs=2e-3)
     assert found.alarms == ()
 
 
@@ -195,14 +191,15 @@ def test_the_radii_of_sides_that_differ_are_answered(unequal):
     require_true(found, robot, offset=0.008, error=0.01)
     for side, sign in (("left", 1), ("right", -1)):
         gain = found.answer[f"{side}_wheel_radius_multiplier"]
-        assert abs(gain.value - 1 - robot.radius_error - sign * unequal) <= 1.5 * gain.error
+        true = 1 + robot.radius_error + sign * unequal
+        assert abs(gain.value - true) <= 1.5 * gain.error
     assert found.expressible == ("diff_drive" if unequal else "icr_radius")
     assert ("diff_drive" in found.laws) == (unequal > 0)
 
 
 def test_turns_in_place_tell_no_radius():
-    step = np.arange(40)
-    drive = drive_of(commands=(np.zeros(40), np.where(step % 2, 0.6, -0.6)), hold=3.0)
+    turns = np.where(np.arange(40) % 2, 0.6, -0.6)
+    drive = drive_of(commands=(np.zeros(40), turns), hold=3.0)
     found = answer(log_of(drive, *measured(drive)))
     for side in ("left", "right"):
         assert "drive straight" in found.undetermined[f"{side}_wheel_radius_multiplier"]
@@ -211,7 +208,8 @@ def test_turns_in_place_tell_no_radius():
 
 
 def test_straights_alone_tell_no_multiplier():
-    drive = drive_of(commands=(np.tile([0.6, 0.2], 20), np.zeros(40)), hold=3.0)
+    speeds = np.tile([0.6, 0.2], 20)
+    drive = drive_of(commands=(speeds, np.zeros(40)), hold=3.0)
     found = answer(log_of(drive, *measured(drive)))
     assert [alarm.kind for alarm in found.alarms] == ["turns"]
     assert found.answer["radius_error"].value == pytest.approx(HUSKY.radius_error, abs=1e-3)
@@ -227,11 +225,11 @@ def test_all_readings_of_a_long_and_a_short_drive_are_used(monkeypatch):
         time, pose = measured(drive, pose_step=0.06)
         logs.append(log_of(drive, time[:count], pose[:count], name))
     found = answer(*logs)
-    assert [str(refused) for refused in found.outliers] == [
-        "run 'a copy' left out: a copy of run 'short'"
-    ]
+    (refused,) = found.outliers
+    assert str(refused) == "run 'a copy' left out: a copy of run 'short'"
     assert found.drive.laws["icr_radius"].poses == 5000
-    assert sum(len(drive.omega) for drive in found.drive.look.drives) == 50 * 0.06 * 5000
+    readings = sum(len(drive.omega) for drive in found.drive.look.drives)
+    assert readings == 50 * 0.06 * 5000
     require_true(found, offset=0.001, error=0.001)
 
 
@@ -248,15 +246,16 @@ def test_sensor_and_drift_stay_small_if_one_speed_mixes_them():
 
 def test_rare_readings_stand_in_the_middle_of_their_time():
     """Encoders that are read at 10 Hz and logged at 50 Hz."""
-    held = Drive(DRIVE.time, DRIVE.omega[np.arange(len(DRIVE.time)) // 5 * 5], DRIVE.pose)
+    last_read = np.arange(len(DRIVE.time)) // 5 * 5
+    held = Drive(DRIVE.time, DRIVE.omega[last_read], DRIVE.pose)
     require_true(answer(log_of(held, TIME, POSE)), offset=0.001, error=0.001)
 
 
 def test_a_short_drive_with_a_gyro_gives_a_law_without_intervals():
     drive = drive_of(duration=30.0)
     turned = np.gradient(drive.pose[:, 2], ENCODER_STEP) + 0.02
-    table = table_of(drive, *measured(drive), "a").append_column("gyro", pa.array(turned))
-    (log,) = runs_from_table(table, "gyro.csv").runs
+    table = table_of(drive, *measured(drive), "a")
+    (log,) = runs_from_table(table.append_column("gyro", pa.array(turned)), "gyro.csv").runs
     found = answer(log)
     assert {alarm.kind for alarm in found.alarms} == {"little"}
     assert np.isnan(found.answer["offset"].low)

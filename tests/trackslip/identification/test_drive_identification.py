@@ -18,9 +18,8 @@ from trackslip.logs.runlog import RunLog
 
 @pytest.fixture(autouse=True)
 def few_laws(monkeypatch):
-    monkeypatch.setattr(
-        "trackslip.identification.drive_comparison.drive_laws", lambda: ("none", "icr_radius")
-    )
+    laws = ("none", "icr_radius")
+    monkeypatch.setattr("trackslip.identification.drive_comparison.drive_laws", lambda: laws)
 
 
 @cache
@@ -37,10 +36,8 @@ def test_a_drive_gives_laws_intervals_and_predictions():
     assert found.alarms == ()
     low, high = found.intervals["icr_radius"]["offset"]
     assert low < ICR.offset < high
-    assert (
-        found.drive.errors["icr_radius"][2.0].heading.rms
-        < found.drive.errors["none"][2.0].heading.rms
-    )
+    error = {name: found.drive.errors[name][2.0].heading.rms for name in ("icr_radius", "none")}
+    assert error["icr_radius"] < error["none"]
     assert "2 drives" in repr(found)
     assert found.best in repr(found)
     with pytest.raises(TrackslipError, match="there are no steady samples"):
@@ -52,7 +49,8 @@ def test_a_summary_is_json_that_load_laws_reads(tmp_path):
     assert content["method"] == "drive"
     assert content["drive"]["laws"]["icr_radius"]["held"]["lag"] == "not asked for"
     assert set(content["prediction"]["icr_radius"]) <= {"1", "2", "5", "10"}
-    assert content["answer"]["offset"]["low"] < ICR.offset < content["answer"]["offset"]["high"]
+    offset = content["answer"]["offset"]
+    assert offset["low"] < ICR.offset < offset["high"]
     assert content["alarms"] == []
     file = tmp_path / "summary.json"
     file.write_text(json.dumps(content))
@@ -101,21 +99,20 @@ GROUND = {"along": 0.7, "across": 0.778, "slope": 0.0, "uphill": 0.0, "shear": 0
 
 def run(loads: bool = True, **changed: float) -> RunLog:
     time = np.arange(0, 5, 0.05)
-    log = RunLog(
+    return RunLog(
         "run",
         time,
         np.ones((100, 2)),
         np.zeros((100, 3)),
         load=np.zeros((100, 2)) if loads else None,
+        metadata={"geometry": vars(GEOMETRY), "ground": GROUND | changed},
     )
-    return replace(log, metadata={"geometry": vars(GEOMETRY), "ground": GROUND | changed})
 
 
 def test_runs_that_tell_their_loads_may_differ_in_slope():
     (note,) = source_of_runs([run(), run(slope=0.1, uphill=1.0)]).notes
-    assert (
-        note == "its runs differ in ground (slope, uphill): only icr_load takes that into account"
-    )
+    said = "its runs differ in ground (slope, uphill): only icr_load takes that into account"
+    assert note == said
     assert source_of_runs([run(), run()]).notes == ()
 
 

@@ -22,12 +22,16 @@ def as_measured(pose):
     return pose
 
 
+def averaged(pose, half):
+    """Headings averaged over 2 `half` + 1 rows."""
+    padded = np.pad(pose[:, 2], half, mode="edge")
+    weights = np.ones(2 * half + 1) / (2 * half + 1)
+    return np.column_stack([pose[:, :2], np.convolve(padded, weights, "valid")])
+
+
 def smoothed(pose):
     """Headings averaged over 3 s, as by a filter that smooths turns."""
-    half = 15
-    padded = np.pad(pose[:, 2], half, mode="edge")
-    heading = np.convolve(padded, np.ones(2 * half + 1) / (2 * half + 1), "valid")
-    return np.column_stack([pose[:, :2], heading])
+    return averaged(pose, half=15)
 
 
 def drifting(pose):
@@ -61,10 +65,7 @@ def test_without_smoothing_windows_agree(source):
 
 def slightly_smoothed(pose):
     """Headings averaged over 1.3 s."""
-    half = 6
-    padded = np.pad(pose[:, 2], half, mode="edge")
-    heading = np.convolve(padded, np.ones(2 * half + 1) / (2 * half + 1), "valid")
-    return np.column_stack([pose[:, :2], heading])
+    return averaged(pose, half=6)
 
 
 def test_a_difference_that_hardly_matters_is_no_alarm():

@@ -23,11 +23,12 @@ def test_paths_are_exact_arcs(turning):
     time = np.sort(RNG.uniform(EDGES[0], EDGES[-1], 50))
     expected = np.zeros((50, 3))
     for (v, _, w), begin, end in zip(motion.T, EDGES, EDGES[1:], strict=False):
-        expected = advance(expected, np.array([v, w]), np.clip(time, begin, end) - begin)
-    found = path(motion, np.zeros((3, 0, 40)), time)
-    np.testing.assert_allclose(
-        np.column_stack([found.place.real, found.place.imag, found.heading]), expected, atol=1e-13
-    )
+        duration = np.clip(time, begin, end) - begin
+        expected = advance(expected, np.array([v, w]), duration)
+    path_found = path(motion, np.zeros((3, 0, 40)), time)
+    place = path_found.place
+    found = np.column_stack([place.real, place.imag, path_found.heading])
+    np.testing.assert_allclose(found, expected, atol=1e-13)
 
 
 @pytest.mark.parametrize("turning", [1.0, 1e-4])
@@ -46,12 +47,14 @@ def test_derivatives_and_velocities_are_differences(turning):
 
     for k in range(4):
         step = h * slope[:, k]
-        place, heading = differences(
-            path(motion + step, slope, time), path(motion - step, slope, time)
-        )
+        ahead = path(motion + step, slope, time)
+        behind = path(motion - step, slope, time)
+        place, heading = differences(ahead, behind)
         np.testing.assert_allclose(found.place_slope[k], place, atol=1e-7)
         np.testing.assert_allclose(found.heading_slope[k], heading, atol=1e-7)
-    velocity, yaw_rate = differences(path(motion, slope, time + h), path(motion, slope, time - h))
+    later = path(motion, slope, time + h)
+    earlier = path(motion, slope, time - h)
+    velocity, yaw_rate = differences(later, earlier)
     np.testing.assert_allclose(found.velocity, velocity, atol=1e-7)
     np.testing.assert_allclose(found.yaw_rate, yaw_rate, atol=1e-7)
 
@@ -59,24 +62,21 @@ def test_derivatives_and_velocities_are_differences(turning):
 @pytest.mark.parametrize("clock_offset", [0.003, -4.003])
 @pytest.mark.parametrize("lag", [0.0, 0.2])
 def test_each_of_several_drives_moves_as_it_does_alone(clock_offset, lag):
-    drives, driven = (
-        [drive_of(drive_log(seed, 10.0 + seed)) for seed in range(3)],
-        model("turn_loss"),
-    )
-    every, begin = np.arange(len(driven.names)), 0
+    drives = [drive_of(drive_log(seed, 10.0 + seed)) for seed in range(3)]
+    driven = model("turn_loss")
+    every = np.arange(len(driven.names))
     values = np.array([0.045, 0.0066, 0.3, 0.1, 0.05, 0.2, clock_offset, 0.07, lag])
     together = driven.path(values, Drives.of(drives), every)
+    begin = 0
     for drive in drives:
-        alone, rows = (
-            driven.path(values, Drives.of([drive]), every),
-            slice(begin, begin + len(drive.time)),
-        )
+        alone = driven.path(values, Drives.of([drive]), every)
+        rows = slice(begin, begin + len(drive.time))
         turn = together.heading[begin] - alone.heading[0]
-        moved = (together.place[rows] - together.place[begin]) * np.exp(-1j * turn)
-        np.testing.assert_allclose(moved, alone.place - alone.place[0], atol=1e-10)
+        from_start = together.place[rows] - together.place[begin]
+        alone_from_start = alone.place - alone.place[0]
+        np.testing.assert_allclose(from_start * np.exp(-1j * turn), alone_from_start, atol=1e-10)
         np.testing.assert_allclose(together.heading[rows] - turn, alone.heading, atol=1e-11)
         slope = together.heading_slope[:, rows] - together.heading_slope[:, [begin]]
-        np.testing.assert_allclose(
-            slope, alone.heading_slope - alone.heading_slope[:, :1], atol=1e-9
-        )
+        alone_slope = alone.heading_slope - alone.heading_slope[:, :1]
+        np.testing.assert_allclose(slope, alone_slope, atol=1e-9)
         begin += len(drive.time)

@@ -26,10 +26,11 @@ LOG = Path(__file__).parents[3] / "examples/logs/maxxii.csv"
 
 def samples_of(law, kappa=KAPPA, noise=0.0, seed=0):
     twist = np.column_stack([np.full(kappa.size, 0.15), 0.15 * kappa])
-    omega = law.sprocket_speeds(twist, GEOMETRY)
-    errors = np.random.default_rng(seed).normal(0, noise, omega.shape)
-    omega = omega + errors * np.abs(omega).max(axis=1, keepdims=True)
-    return SlipSamples.of(omega, twist, GEOMETRY, [str(k) for k in range(kappa.size)])
+    exact = law.sprocket_speeds(twist, GEOMETRY)
+    errors = np.random.default_rng(seed).normal(0, noise, exact.shape)
+    fastest = np.abs(exact).max(axis=1, keepdims=True)
+    names = [str(k) for k in range(kappa.size)]
+    return SlipSamples.of(exact + errors * fastest, twist, GEOMETRY, names)
 
 
 def skidding(law=LOSS, *, count=60, scatter=0.03, rest=0, errors=0.01):
@@ -37,27 +38,28 @@ def skidding(law=LOSS, *, count=60, scatter=0.03, rest=0, errors=0.01):
     scatter.
     """
     rng = np.random.default_rng(0)
-    mean = rng.uniform(0.1, 1, count) * np.where(rng.random(count) < 0.15, -1, 1)
+    size = rng.uniform(0.1, 1, count)
+    backwards = rng.random(count) < 0.15
+    mean = size * np.where(backwards, -1, 1)
     ratio = rng.uniform(-1.2, 1.2, count)
-    omega = np.column_stack([mean * (1 - ratio), mean * (1 + ratio)])
+    shares = np.column_stack([mean * (1 - ratio), mean * (1 + ratio)])
     # belts at 2 m/s
-    omega *= 2.0 / FAST.sprocket_radius / np.maximum(1, np.abs(omega).max(axis=1, keepdims=True))
+    top_speed = 2.0 / FAST.sprocket_radius
+    omega = shares * top_speed / np.maximum(1, np.abs(shares).max(axis=1, keepdims=True))
     omega[:rest, 0] = 0.0
-    size = FAST.sprocket_radius * np.abs(omega).max(axis=1, keepdims=True)
-    twist = law.twist(omega, FAST) + errors * rng.standard_normal((count, 2))
-    twist += (
-        scatter
-        * size
-        * np.clip(rng.standard_t(5, (count, 2)), -4, 4)
-        * [1, 1 / (2 * FAST.half_gauge)]
-    )
-    names = tuple(f"row {k + 1}" for k in range(count))
+
+    exact = law.twist(omega, FAST)
+    noise = errors * rng.standard_normal((count, 2))
+    fastest_belt = FAST.sprocket_radius * np.abs(omega).max(axis=1, keepdims=True)
+    tails = np.clip(rng.standard_t(5, (count, 2)), -4, 4)
+    of_twist = [1, 1 / (2 * FAST.half_gauge)]
+    twist = exact + noise + scatter * fastest_belt * tails * of_twist
     return SlipSamples(
-        omega,
-        twist,
-        track_slip(omega, twist, FAST),
-        names,
-        np.tile(errors**2 * np.eye(2), (count, 1, 1)),
+        omega=omega,
+        twist=twist,
+        slip=track_slip(omega, twist, FAST),
+        run=tuple(f"row {k + 1}" for k in range(count)),
+        covariance=np.tile(errors**2 * np.eye(2), (count, 1, 1)),
     )
 
 
@@ -100,27 +102,30 @@ def test_laws_of_robots_that_skid(name, law):
 def test_left_out_radii_are_predicted_as_well_as_the_law_fits():
     samples = grid(ICR)
     found = compare_laws(samples, GEOMETRY).validation
-    right, wrong = found["icr_radius"], found["exponential"]
+    right = found["icr_radius"]
+    wrong = found["exponential"]
     assert right.slip < np.abs(samples.slip - ICR(samples.curvature)).max()
     assert right.yaw_rate < 3 * ERRORS[1, 1] ** 0.5
     assert wrong.slip > 10 * right.slip
     assert wrong.yaw_rate > 10 * right.yaw_rate
-    tight = samples.radius < 0.9  # by hand: leave out the tightest turns
+    # by hand: leave out the tightest turns
+    tight = samples.radius < 0.9
     rest = fit_law("icr_radius", samples.take(~tight), GEOMETRY)
     # from which Newton's step leaves out as much
     whole = fit_law("icr_radius", samples, GEOMETRY).fit
-    np.testing.assert_allclose(whole.without(tight * 1)[1], rest.fit.values, rtol=0, atol=1e-6)
-    predicted = rest.law.twist(samples.omega[tight], GEOMETRY)[:, 1]
-    assert np.abs(predicted - samples.twist[tight, 1]).max() < 3e-4
+    _, without_tight = whole.without(tight * 1)
+    np.testing.assert_allclose(without_tight, rest.fit.values, rtol=0, atol=1e-6)
+    predicted = rest.law.twist(samples.omega[tight], GEOMETRY)
+    yaw_rate_error = predicted[:, 1] - samples.twist[tight, 1]
+    assert np.abs(yaw_rate_error).max() < 3e-4
 
 
 def test_a_sensor_that_is_turned_on_the_robot_changes_no_speed():
     samples = samples_of(ICR)
     seen = (samples.twist @ [1, 0.2j]) * np.exp(-0.3j)
     twist = np.column_stack([seen.real, samples.twist[:, 1]])
-    turned = SlipSamples.of(
-        samples.omega, twist, GEOMETRY, samples.run, lateral=seen.imag
-    ).along_robot(GEOMETRY)
+    as_seen = SlipSamples.of(samples.omega, twist, GEOMETRY, samples.run, lateral=seen.imag)
+    turned = as_seen.along_robot(GEOMETRY)
     np.testing.assert_allclose(turned.twist, samples.twist)
     assert turned.along_robot(GEOMETRY) is turned
 
@@ -136,22 +141,23 @@ def test_sides_that_differ_are_told_when_turns_go_both_ways():
 
 @pytest.mark.parametrize(("count", "told"), [(2, False), (7, True)])
 def test_exact_samples_are_no_trouble(count, told):
-    twist = np.column_stack([np.full(7, 0.2), [0.4, -0.4, 0.1, 0.2, -0.1, 0.3, 0.0]])[:count]
+    yaw_rate = [0.4, -0.4, 0.1, 0.2, -0.1, 0.3, 0.0]
+    twist = np.column_stack([np.full(7, 0.2), yaw_rate])[:count]
     omega = ConstantIcr(0.3, 0.28).sprocket_speeds(twist, FAST)
-    exact = np.zeros((count, 2, 2)) if told else None
+    no_errors = np.zeros((count, 2, 2)) if told else None
+    samples = SlipSamples.of(omega, twist, FAST, list("abcdefg"[:count]), no_errors)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = compare_laws(
-            SlipSamples.of(omega, twist, FAST, list("abcdefg"[:count]), exact), FAST
-        )
+        found = compare_laws(samples, FAST)
     assert found.laws["icr"].values["offset"] == pytest.approx(0.3, abs=1e-6)
 
 
 def test_parameters_without_information_are_not_reported():
-    straight = samples_of(ConstantIcr(0.045, 0.168, 0.01), np.zeros(8))
+    law = ConstantIcr(0.045, 0.168, 0.01)
+    straight = samples_of(law, np.zeros(8))
     with pytest.raises(LogError, match="don't determine offset"):
         fit_law("icr", straight, GEOMETRY)
-    few = compare_laws(samples_of(ConstantIcr(0.045, 0.168, 0.01), KAPPA[:2], noise=1e-4), GEOMETRY)
+    few = compare_laws(samples_of(law, KAPPA[:2], noise=1e-4), GEOMETRY)
     assert {"icr", "icr_radius"} <= set(few.laws) <= {"none", "icr", "icr_radius", "turn_loss"}
     # laws that aren't compared aren't missed, either
     assert few.warnings == ()
@@ -178,25 +184,25 @@ def test_what_stops_a_fit_is_told_in_words(noise, why):
 
 def test_a_law_takes_radii_that_differ_and_errors_that_are_small():
     law = ConstantIcr(0.045, 0.168)
+    one_curvature = np.ones(7)
+    slightly = np.arange(7)
     for name in ("exponential", "turn_loss"):
-        fit_law(name, samples_of(law, 0.5 * (1 + 1e-3 * np.arange(7))), GEOMETRY)
+        fit_law(name, samples_of(law, 0.5 * (one_curvature + 1e-3 * slightly)), GEOMETRY)
         with pytest.raises(LogError, match="different radii"):  # parameters stand in for each other
-            fit_law(name, samples_of(law, 0.5 * (1 + 1e-4 * np.arange(7))), GEOMETRY)
+            fit_law(name, samples_of(law, 0.5 * (one_curvature + 1e-4 * slightly)), GEOMETRY)
     nearly_straight = np.linspace(-0.01, 0.01, 8)
-    assert (
-        fit_law("icr", samples_of(law, nearly_straight, noise=0.001), GEOMETRY).stderr["offset"]
-        > 0.05
-    )
+    fit = fit_law("icr", samples_of(law, nearly_straight, noise=0.001), GEOMETRY)
+    assert fit.stderr["offset"] > 0.05
     with pytest.raises(LogError, match="don't determine offset"):  # standard error 0.28 m
         fit_law("icr", samples_of(law, nearly_straight, noise=0.003), GEOMETRY)
 
 
 @pytest.mark.parametrize("tight", [0.25, 0.19, -0.25])
 def test_a_run_tighter_than_the_poles_does_not_trap_the_fit(tight):
-    fit = fit_law("icr_radius", samples_of(ICR, np.array([0.4, 0.8, 1.6, 1 / tight])), GEOMETRY)
-    assert fit.values == pytest.approx(
-        {"offset": ICR.offset, "radius_error": ICR.radius_error}, abs=1e-6
-    )
+    kappa = np.array([0.4, 0.8, 1.6, 1 / tight])
+    fit = fit_law("icr_radius", samples_of(ICR, kappa), GEOMETRY)
+    true = {"offset": ICR.offset, "radius_error": ICR.radius_error}
+    assert fit.values == pytest.approx(true, abs=1e-6)
 
 
 def trace(kappa, duration=20.0):
@@ -236,54 +242,69 @@ def test_what_can_not_be_used_is_refused(do, error, match):
 
 
 def sample(omega, twist, geometry=GEOMETRY, yaw_stderr=None):
-    covariance = None if yaw_stderr is None else np.diag([1e-8, yaw_stderr**2])[None]
+    """One sample, of a run called odd; the standard error of its yaw rate may be known."""
+    covariance = None
+    if yaw_stderr is not None:
+        covariance = np.diag([1e-8, yaw_stderr**2])[None]
     return SlipSamples.of(np.array([omega]), np.array([twist]), geometry, ["odd"], covariance)
 
 
 def test_a_yaw_rate_within_its_error_shows_no_swapped_tracks():
-    omega, twist = [2.0, 3.0], [0.15, -0.05]
+    omega = [2.0, 3.0]
+    twist = [0.15, -0.05]
     with pytest.raises(LogError, match="left and right, and the signs"):
         sample(omega, twist, yaw_stderr=0.001)
     assert len(sample(omega, twist, yaw_stderr=0.05)) == 1
 
 
+def as_it_is(omega):
+    return omega
+
+
 @pytest.mark.parametrize(
-    ("wheels", "motion"),
+    ("wheels", "units"),
     [
-        (lambda w: w[::-1], (1, 1)),
-        *((lambda w, signs=signs: w * signs, (1, 1)) for signs in ((-1, 1), (1, -1), (-1, -1))),
-        *(
-            (lambda w, factor=factor: w * factor, (1, 1))
-            for factor in (180 / np.pi, 30 / np.pi, 30)
-        ),  # deg/s, rpm, gear
-        # mm, cm, degrees
-        *((lambda w: w, units) for units in ((1000, 1), (100, 1), (1, 180 / np.pi))),
+        pytest.param(lambda omega: omega[::-1], (1, 1), id="sides"),
+        pytest.param(lambda omega: omega * (-1, 1), (1, 1), id="left reversed"),
+        pytest.param(lambda omega: omega * (1, -1), (1, 1), id="right reversed"),
+        pytest.param(lambda omega: omega * (-1, -1), (1, 1), id="both reversed"),
+        pytest.param(lambda omega: omega * 180 / np.pi, (1, 1), id="deg/s"),
+        pytest.param(lambda omega: omega * 30 / np.pi, (1, 1), id="rpm"),
+        pytest.param(lambda omega: omega * 30, (1, 1), id="gear"),
+        pytest.param(as_it_is, (1000, 1), id="mm"),
+        pytest.param(as_it_is, (100, 1), id="cm"),
+        pytest.param(as_it_is, (1, 180 / np.pi), id="degrees"),
     ],
 )
-def test_other_sides_signs_and_units_are_noticed(wheels, motion):
-    twist = np.array([0.2, 0.1])
-    omega = (twist[0] + np.array([-1, 1]) * 0.21 * twist[1]) / 0.06
+def test_other_sides_signs_and_units_are_noticed(wheels, units):
+    v, w = twist = np.array([0.2, 0.1])
+    omega = (v + np.array([-1, 1]) * 0.21 * w) / 0.06
     match = (
         r"moves at .* but its sprockets say .*: check the units .* the gear, sprocket_radius "
         r"= 0\.06 m, left and right"
     )
     with pytest.raises(LogError, match=match):
-        sample(wheels(omega), twist * motion)
+        sample(wheels(omega), twist * units)
 
 
 def test_real_left_out_radii_are_as_good_as_by_least_squares():
     source = read_source(LOG, ReadOptions(half_gauge=0.303, sprocket_radius=0.0856))
-    samples, geometry = source.sampling.samples, source.geometry
-    found, radii = compare_laws(samples, geometry), folds(samples.by_command(geometry))
+    samples = source.sampling.samples
+    geometry = source.geometry
+    found = compare_laws(samples, geometry)
+    radii = folds(samples.by_command(geometry))
 
     def missed(values, rows):
-        law = ConstantIcr(values[0], geometry.half_gauge, values[1])
+        offset, radius_error = values
+        law = ConstantIcr(offset, geometry.half_gauge, radius_error)
         return (law.twist(samples.omega[rows], geometry) - samples.twist[rows]).ravel()
 
     left_out = np.empty_like(samples.twist)
     for radius in range(radii.max() + 1):
-        values = least_squares(missed, [0.1, 0.0], args=(radii != radius,)).x
-        left_out[radii == radius] = missed(values, radii == radius).reshape(-1, 2)
+        rows = radii == radius
+        values = least_squares(missed, [0.1, 0.0], args=(~rows,)).x
+        left_out[rows] = missed(values, rows).reshape(-1, 2)
+    plain = rms(left_out[:, 1])
     plain = rms(left_out[:, 1])
     assert found.validation[found.best].yaw_rate <= plain
     # the same two numbers, otherwise weighted
@@ -295,7 +316,8 @@ def test_repeats_of_a_command_are_no_independent_evidence():
     """Of eight commands, each driven eight times, one says that a law is better, one that it is
     worse.
     """
-    samples = samples_of(ICR, np.repeat(0.3 * np.arange(1, 9), 8), noise=1e-4)
+    kappa = np.repeat(0.3 * np.arange(1, 9), 8)
+    samples = samples_of(ICR, kappa, noise=1e-4)
     laws = {name: fit_law(name, samples, GEOMETRY) for name in ("icr_radius", "turn_loss")}
     wrong = np.full((len(samples), 2), 0.01)
     better = wrong.copy()

@@ -37,11 +37,10 @@ def random_drive(seed=0, count=60, gyro=False):
     omega = 2 + np.cumsum(rng.normal(size=(len(edges) - 1, 2)) * 0.1, axis=0)
     time = 1 + np.arange(count) * 0.1
     pose = np.cumsum(rng.normal(size=(count, 3)) * 0.05, axis=0)
-    turned = (
-        np.column_stack([edges, np.cumsum(rng.normal(size=len(edges)) * 0.01), edges])
-        if gyro
-        else None
-    )
+    turned = None
+    if gyro:
+        angle = np.cumsum(rng.normal(size=len(edges)) * 0.01)
+        turned = np.column_stack([edges, angle, edges])
     return Drive(f"random {seed}", edges, omega, time, pose, 0.1, gyro=turned)
 
 
@@ -50,31 +49,38 @@ def random_drive(seed=0, count=60, gyro=False):
 @pytest.mark.parametrize("name", LAWS)
 def test_slopes_are_differences(name, lag, gyro):
     """At the weighted means only: the frame that the residuals are told in turns with the fit, to
-    second order.
+    second order. So what a turn of the residuals explains is taken off positions' differences.
     """
     data = Drives.of([random_drive(gyro=gyro)])
     driven = DriveModel(FAMILIES[name], GEOMETRY, gyro)
-    values = np.array([*LAWS[name], *PLACED, lag, *([0.01, 0.02] if gyro else [])])
+    of_gyro = [0.01, 0.02] if gyro else []
+    values = np.array([*LAWS[name], *PLACED, lag, *of_gyro])
     windows = Windows.cut(data, 2.0)
     weight = data.known[:, windows.pose] / np.array([[0.02], [0.03]]) ** 2
     free = np.arange(len(values))
     found = residuals(driven, data, windows, values, free, weight)
+
+    def residuals_at(values):
+        return residuals(driven, data, windows, values, NONE, weight).value
+
     for k, parameter in enumerate(driven.names):
-        ahead, behind = (values + h * (free == k) for h in (1e-6, -1e-6))
+        ahead = values + 1e-6 * (free == k)
+        behind = values - 1e-6 * (free == k)
         if parameter == "lag":
             behind = values  # 0 is its limit, and its slope is such a difference itself
-        there, back = (
-            residuals(driven, data, windows, at, NONE, weight).value for at in (ahead, behind)
-        )
-        expected = (there - back) / (ahead[k] - behind[k])
-        across = expected[0] + 1j * expected[1]
+        change = residuals_at(ahead) - residuals_at(behind)
+        expected = change / (ahead[k] - behind[k])
+        largest = max(np.abs(expected).max(), 1e-3)
+        within = (2e-2 if parameter == "lag" else 1e-5) * largest
+
+        # positions as complex numbers
+        slope = found.slope[0, k] + 1j * found.slope[1, k]
+        missed = expected[0] + 1j * expected[1] - slope
         turning = 1j * (found.value[0] + 1j * found.value[1])  # of the frame
-        by_turn = across - (found.slope[0, k] + 1j * found.slope[1, k])
-        within = (2e-2 if parameter == "lag" else 1e-5) * max(np.abs(expected).max(), 1e-3)
-        rest = by_turn - turning * np.real(by_turn * np.conj(turning)) / np.maximum(
-            np.abs(turning) ** 2, 1e-12
-        )
-        np.testing.assert_allclose(np.abs(rest), 0.0, atol=within, err_msg=parameter)
+        along_turning = np.real(missed * np.conj(turning)) / np.maximum(np.abs(turning) ** 2, 1e-12)
+        rest = np.abs(missed - turning * along_turning)
+        np.testing.assert_allclose(rest, 0.0, atol=within, err_msg=parameter)
+
         if parameter == "clock_offset":
             expected[3:] = 0.0  # gyros have the encoders' clock
         np.testing.assert_allclose(found.slope[2:, k], expected[2:], atol=within, err_msg=parameter)
@@ -84,33 +90,36 @@ def test_slopes_are_differences(name, lag, gyro):
 @pytest.mark.parametrize("kind", ["poses", "positions", "headings"])
 def test_an_exact_path_leaves_nothing_wherever_it_is(length, kind):
     drive = drive_of(drive_log(1, 20, EXACT, STILL))
-    turn = np.exp(1.1j)
-    place = turn * (drive.pose[:, 0] + 1j * drive.pose[:, 1]) + (300 - 70j)
-    moved = np.column_stack([place.real, place.imag, drive.pose[:, 2] + 1.1])
-    moved[:, {"poses": [], "positions": [2], "headings": [0, 1]}[kind]] = np.nan
+    x, y, heading = drive.pose.T
+    turn = 1.1
+    place = np.exp(1j * turn) * (x + 1j * y) + (300 - 70j)
+    moved = np.column_stack([place.real, place.imag, heading + turn])
+    missing = {"poses": [], "positions": [2], "headings": [0, 1]}[kind]
+    moved[:, missing] = np.nan
     data = Drives.of([replace(drive, pose=moved)])
-    windows, driven = Windows.cut(data, length), model()
+    windows = Windows.cut(data, length)
     values = np.array([ICR.offset, ICR.radius_error, *np.zeros(6)])
-    found = residuals(driven, data, windows, values, NONE, data.known[:, windows.pose] * 1e4)
+    weight = data.known[:, windows.pose] * 1e4
+    found = residuals(model(), data, windows, values, NONE, weight)
     assert np.abs(found.value[found.known]).max() < 2e-5
-    np.testing.assert_array_equal(
-        found.known[:3].any(axis=1), [kind != "headings"] * 2 + [kind != "positions"]
-    )
+    has_positions = kind != "headings"
+    has_headings = kind != "positions"
+    is_known = found.known[:3].any(axis=1)
+    np.testing.assert_array_equal(is_known, [has_positions, has_positions, has_headings])
 
 
 def test_a_residual_at_the_scale_of_cauchys_loss_has_half_weight():
     value = LOSS * np.array([[0.0, 0.6, 0.0], [0.0, 0.8, 0.0], [0.0, 0.0, 0.1]])
-    found = Residuals(value, np.zeros((3, 0, 3)), np.ones((3, 3))).alignment(
-        np.array([1.0, 0.1, 1.0])
-    )
+    of_windows = Residuals(value, np.zeros((3, 0, 3)), np.ones((3, 3)))
+    found = of_windows.alignment(np.array([1.0, 0.1, 1.0]))
     np.testing.assert_allclose(found, [[1.0, 0.5, 1.0], [100.0, 100.0, 50.0]])
 
 
 def white(seed, **source):
     """A fit to a drive without varying slip, cut where its poses jump, whose sensor is known."""
-    look = first_look(
-        drives_of([drive_log(seed, 60.0, replace(SLAM, **source), STILL)])[0], GEOMETRY
-    )
+    log = drive_log(seed, 60.0, replace(SLAM, **source), STILL)
+    drives, _ = drives_of([log])
+    look = first_look(drives, GEOMETRY)
     return fit_drives("icr_radius", look.drives, GEOMETRY, Mounting())
 
 
@@ -118,7 +127,8 @@ def white(seed, **source):
     "wrong", [{"outliers": 0.05}, {"jumps": 2, "jump_size": 0.5, "jump_turn": 0.2}]
 )
 def test_outlying_poses_and_jumps_hardly_matter(wrong):
-    clean, spoilt = white(0), white(0, **wrong)
+    clean = white(0)
+    spoilt = white(0, **wrong)
     for name, value in spoilt.values.items():
         assert value == pytest.approx(getattr(ICR, name), abs=3 * spoilt.stderr[name])
         assert spoilt.stderr[name] < 3 * clean.stderr[name]
@@ -128,31 +138,33 @@ def test_fits_of_a_real_drive_end_at_a_minimum():
     """On grass most residuals are on the flat part of the loss, where reweighted least squares
     takes small steps.
     """
-    drives, _ = drives_of(load(LOGS / "warthog_grass_2.parquet")[0].cut(150.0)[:1])
-    reference = fit_drives("icr_radius", drives, RobotGeometry(0.54, 0.3))
+    log = load(LOGS / "warthog_grass_2.parquet")[0]
+    drives, _ = drives_of(log.cut(150.0)[:1])
+    geometry = RobotGeometry(0.54, 0.3)
+    reference = fit_drives("icr_radius", drives, geometry)
     for name in ("icr_radius", "icr_sides"):
-        found = fit_drives(name, drives, RobotGeometry(0.54, 0.3), reference=reference)
+        found = fit_drives(name, drives, geometry, reference=reference)
         fit = found.fit
-        again = fit_windows(
-            fit.model, fit.drives, fit.length, fit.values, found.held, np.zeros(len(fit.values))
-        )
+        none = np.zeros(len(fit.values))
+        again = fit_windows(fit.model, fit.drives, fit.length, fit.values, found.held, none)
         moved = np.abs(again.values - fit.values)[fit.free]
-        assert (moved < 0.1 * np.sqrt(np.diag(fit.covariance))).all(), name
+        error = np.sqrt(np.diag(fit.covariance))
+        assert (moved < 0.1 * error).all(), name
 
 
 def test_leaving_out_blocks_by_one_step_is_a_first_order_refit():
     logs = [drive_log(seed, 12.0) for seed in range(10)]
     found = fitted("icr_radius", *logs)
-    fit, none = found.fit, np.zeros(len(found.fit.values))
+    fit = found.fit
+    none = np.zeros(len(fit.values))
     assert found.blocks == 10
     error = np.sqrt(np.diag(fit.covariance))[:2]
     for k in range(10):
         data = Drives.of([drive for j, drive in enumerate(fit.drives.drives) if j != k])
         again = fit_windows(fit.model, data, fit.length, fit.values, found.held, none)
-        step, refit = (
-            values - fit.values
-            for values in (fit.without(np.arange(10)[None] == k)[0], again.values)
-        )
+        (stepped,) = fit.without(np.arange(10)[None] == k)
+        step = stepped - fit.values
+        refit = again.values - fit.values
         np.testing.assert_allclose(step[:2] / error, refit[:2] / error, atol=0.2)
     assert fitted("icr_radius", *logs[:5]).stderr == {}
 
@@ -165,7 +177,7 @@ def test_windows_of_a_standstill_need_headings(kind, used):
     time, pose = measured(drive, pose_step=0.2)
     if kind == "positions":
         pose[:, 2] = np.nan
-    (prepared,) = drives_of([log_of(drive, time, pose)])[0]
+    (prepared,), _ = drives_of([log_of(drive, time, pose)])
     data = Drives.of([prepared])
     windows = Windows.cut(data, 5.0)
     driven = DriveModel(FAMILIES["icr_radius"], HUSKY.geometry)

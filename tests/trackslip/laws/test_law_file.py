@@ -16,11 +16,11 @@ ROBOT = '"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06}'
 
 def test_laws_survive_their_file(tmp_path):
     found = identify_samples(Sampling(grid(PUBLISHED), (), ()), GEOMETRY)
-    (tmp_path / "summary.json").write_text(json.dumps(identification_to_json(found)))
-    for path in (tmp_path, tmp_path / "summary.json"):
-        assert load_laws(path) == {
-            name: fit.law for name, fit in found.steady.laws.items() if fit.values
-        }
+    summary = tmp_path / "summary.json"
+    summary.write_text(json.dumps(identification_to_json(found)))
+    laws = {name: fit.law for name, fit in found.steady.laws.items() if fit.values}
+    assert load_laws(tmp_path) == laws
+    assert load_laws(summary) == laws
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,8 @@ def driven(seed=0, rows=400, interval=0.05):
     time = np.cumsum(rng.uniform(0.5, 1.5, rows) * interval)
     phase = rng.uniform(0, 6, 2)
     speeds = 6 * np.sin(time[:, None] / [2.0, 3.1] + phase) + 2
-    return time, np.cumsum(speeds * np.gradient(time)[:, None], axis=0)
+    steps = speeds * np.gradient(time)[:, None]
+    return time, np.cumsum(steps, axis=0)
 
 
 def ticks_of(angle):
@@ -34,6 +35,11 @@ def read(columns, layout):
     """The only run in a table with these columns."""
     (run,) = runs_from_table(pa.table(columns), "log.csv", layout=layout).runs
     return run
+
+
+def sides(kind, values):
+    """Columns of the left and right sprocket."""
+    return {f"{kind}_l": values[:, 0], f"{kind}_r": values[:, 1]}
 
 
 def with_poses(time, **encoders):
@@ -52,12 +58,11 @@ def test_angles_turned_are_conserved_beside_rows_of_poses(seed, rate, shift):
     """Whatever the rates of encoders and poses, each in rows of its own."""
     time, angle = driven(seed)
     posed = np.arange(time[0] + shift, time[-1], 1 / rate)
-    no_angle = np.full(len(posed), np.nan)
+    no_angle = np.full((len(posed), 2), np.nan)
     no_place = np.full(len(time), np.nan)
     columns = {
         "t": np.concatenate([time, posed]),
-        "angle_l": np.concatenate([angle[:, 0], no_angle]),
-        "angle_r": np.concatenate([angle[:, 1], no_angle]),
+        **sides("angle", np.concatenate([angle, no_angle])),
         "x": np.concatenate([no_place, np.sin(posed)]),
         "y": np.concatenate([no_place, np.cos(posed)]),
     }
@@ -77,15 +82,16 @@ def test_sides_read_at_different_times_keep_their_angles():
     ends = [run.time[0], run.time[-1]]
     begin_left, end_left = np.interp(ends, time[::2], angle[::2, 0])
     begin_right, end_right = np.interp(ends, time[1::2], angle[1::2, 1])
-    assert turned(run)[0] == pytest.approx(end_left - begin_left)
-    assert turned(run)[1] == pytest.approx(end_right - begin_right)
+    left_turned, right_turned = turned(run)
+    assert left_turned == pytest.approx(end_left - begin_left)
+    assert right_turned == pytest.approx(end_right - begin_right)
 
 
 @pytest.mark.parametrize("low", [0.0, -np.pi])
 def test_wrapped_angles_are_unwrapped(low):
     time, angle = driven()
     wrapped = (angle - low) % (2 * np.pi) + low
-    run = read(with_poses(time, angle_l=wrapped[:, 0], angle_r=wrapped[:, 1]), Layout())
+    run = read(with_poses(time, **sides("angle", wrapped)), Layout())
     np.testing.assert_allclose(turned(run), angle[-1] - angle[0], atol=1e-9)
 
 
@@ -97,7 +103,7 @@ def test_counters_of_any_size_are_unwound(size, signed):
     low = -size / 2 if signed else 0.0
     wrapped = (ticks - low) % size + low
     assert np.ptp(wrapped) > 0.8 * size or size > 2**14
-    run = read(with_poses(time, ticks_l=wrapped[:, 0], ticks_r=wrapped[:, 1]), TICKS)
+    run = read(with_poses(time, **sides("ticks", wrapped)), TICKS)
     exact = 2 * np.pi / PER_TURN * (ticks[-1] - ticks[0])
     np.testing.assert_allclose(turned(run), exact, atol=1e-9)
 
@@ -117,18 +123,20 @@ def test_a_counter_that_restarts_is_refused_with_its_row():
     ticks[700:] -= ticks[700]
     said = r"row 701, column ticks_l: jumps from \d+ to 0, .*did the counter restart\? Cut the log"
     with pytest.raises(LogError, match=said):
-        read(with_poses(time, ticks_l=ticks[:, 0], ticks_r=ticks[:, 1]), TICKS)
+        read(with_poses(time, **sides("ticks", ticks)), TICKS)
 
 
 def odometry(angle, geometry=GEOMETRY):
     """Poses (T, 3) that odometry computes on arcs, and the twists' steps (T, 2)."""
-    left, right = np.diff(angle, axis=0, prepend=angle[:1]).T * geometry.sprocket_radius
+    steps = np.diff(angle, axis=0, prepend=angle[:1])
+    left, right = steps.T * geometry.sprocket_radius
     distance = (left + right) / 2
     turn = (right - left) / (2 * geometry.half_gauge)
     heading = np.cumsum(turn)
     chord = distance * np.sinc(turn / (2 * np.pi))
-    x = np.cumsum(chord * np.cos(heading - turn / 2))
-    y = np.cumsum(chord * np.sin(heading - turn / 2))
+    direction = heading - turn / 2
+    x = np.cumsum(chord * np.cos(direction))
+    y = np.cumsum(chord * np.sin(direction))
     return np.column_stack([x, y, heading]), np.column_stack([distance, turn])
 
 

@@ -70,10 +70,11 @@ def test_speeds_of_belts_are_divided_by_the_radius(ours, theirs, factor):
 
 def test_distances_of_belts_are_angles_times_the_radius():
     angle = np.linspace(0.0, 50.0, 200)
+    distance = 1e3 * GEOMETRY.sprocket_radius * angle  # [mm]
     columns = {
         "t": np.arange(200) * 0.1,
-        "left": 1e3 * GEOMETRY.sprocket_radius * angle,
-        "right": 1e3 * GEOMETRY.sprocket_radius * angle,
+        "left": distance,
+        "right": distance,
         "x": np.zeros(200),
         "y": np.zeros(200),
     }
@@ -151,6 +152,7 @@ def test_a_header_of_another_program_is_answered_with_the_option(tmp_path, heade
     file = tmp_path / "log.csv"
     count = header.count(",") + 1
     rows = [",".join([str(0.1 * k)] * count) for k in range(9)]
+    # headings of 300 are no radians
     rows.append(",".join(["9.5"] + ["300"] * (count - 1)) if "yaw" in header else rows[-1])
     file.write_text("\n".join([header, *rows]))
     with pytest.raises(LogError) as refused:
@@ -161,16 +163,16 @@ def test_a_header_of_another_program_is_answered_with_the_option(tmp_path, heade
 def test_a_header_that_is_not_recognised_is_just_refused(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("a,b,c\n1,2,3\n")
-    with pytest.raises(
-        LogError, match=r"has no column t, omega_l, omega_r, x, y; found 'a, b, c'$"
-    ):
+    said = r"has no column t, omega_l, omega_r, x, y; found 'a, b, c'$"
+    with pytest.raises(LogError, match=said):
         read_log(file)
 
 
 @pytest.mark.parametrize(("unit", "step"), [("ms", 20), ("us", 20_000), ("ns", 20_000_000)])
 def test_units_of_times_are_recognised_by_their_steps(tmp_path, unit, step):
     file = tmp_path / "log.csv"
-    rows = [f"{1_700_000_000 * 50 * step + k * step},1,1,0,0" for k in range(5)]
+    start = 1_700_000_000 * 50 * step
+    rows = [f"{start + k * step},1,1,0,0" for k in range(5)]
     file.write_text("\n".join(["stamp,omega_l,omega_r,x,y", *rows]))
     with pytest.raises(LogError, match=f"--columns t=stamp:{unit} reads it"):
         read_log(file)
@@ -191,9 +193,8 @@ def test_times_of_a_data_frame_may_be_dates():
 
 
 def test_identify_takes_a_data_frame_with_other_names():
-    found = trackslip.identify(
-        pl.DataFrame(pa.table(THEIRS).to_pandas()), GEOMETRY, columns=TO_OURS
-    )
+    frame = pl.DataFrame(pa.table(THEIRS).to_pandas())
+    found = trackslip.identify(frame, GEOMETRY, columns=TO_OURS)
     plain = trackslip.identify(OURS, GEOMETRY)
     offset = plain.laws["icr_radius"].offset
     assert found.laws["icr_radius"].offset == pytest.approx(offset, rel=1e-4)
@@ -222,9 +223,11 @@ def test_arrays_at_times_of_their_own_keep_the_angles():
     posed = np.arange(-1.0, 25.0, 0.03)
     path = np.column_stack([posed, posed, posed / 10])
     run = RunLog.from_arrays((LOG.time, *LOG.omega.T), (posed, *path.T))
+    turned = np.diff(run.time) @ run.omega[1:]
     expected = np.diff(LOG.time) @ LOG.omega[1:]
-    np.testing.assert_allclose(np.diff(run.time) @ run.omega[1:], expected, atol=1e-9)
-    assert len(run.beyond) == ((posed < LOG.time[0]) | (posed > LOG.time[-1])).sum()
+    np.testing.assert_allclose(turned, expected, atol=1e-9)
+    is_beyond = (posed < LOG.time[0]) | (posed > LOG.time[-1])
+    assert len(run.beyond) == is_beyond.sum()
 
 
 T3 = np.arange(3.0)

@@ -8,7 +8,11 @@ HEADER = "run,t,omega_l,omega_r,x,y,phi,valid\n"
 
 
 def lines(run="a", rows=10, start=0.0):
-    return [f"{run},{start + 0.1 * k:.1f},1,{2 + k},{0.1 * k:.1f},0,0,true\n" for k in range(rows)]
+    made = []
+    for k in range(rows):
+        time = start + 0.1 * k
+        made.append(f"{run},{time:.1f},1,{2 + k},{0.1 * k:.1f},0,0,true\n")
+    return made
 
 
 def read(path, rows, header=HEADER):
@@ -19,7 +23,8 @@ def read(path, rows, header=HEADER):
 
 def changed(row, column, value):
     cells = row.rstrip("\n").split(",")
-    cells[HEADER.rstrip("\n").split(",").index(column)] = value
+    names = HEADER.rstrip("\n").split(",")
+    cells[names.index(column)] = value
     return ",".join(cells) + "\n"
 
 
@@ -28,12 +33,12 @@ def changed(row, column, value):
 def test_a_row_with_a_damaged_reading_or_time_is_left_out(tmp_path, column, value):
     rows = lines()
     rows[4] = changed(rows[4], column, value)
-    found = read(tmp_path, rows)
-    np.testing.assert_allclose(found.runs[0].time, np.delete(np.arange(10) / 10, 4))
-    assert found.runs[0].omega[:, 1].tolist() == [2, 3, 4, 5, 7, 8, 9, 10, 11]
-    assert found.notes == (
-        f"run 'a': 1 row left out: row 5, column {column}: {value!r} is not a finite number",
-    )
+    (run,) = (found := read(tmp_path, rows)).runs
+    np.testing.assert_allclose(run.time, np.delete(np.arange(10) / 10, 4))
+    assert run.omega[:, 1].tolist() == [2, 3, 4, 5, 7, 8, 9, 10, 11]
+    (note,) = found.notes
+    reason = f"row 5, column {column}: {value!r} is not a finite number"
+    assert note == f"run 'a': 1 row left out: {reason}"
 
 
 @pytest.mark.parametrize(
@@ -63,11 +68,12 @@ def test_poses_that_are_damaged_or_missing_are_left_out(tmp_path, changes, unkno
     rows = lines()
     for row, line in changes.items():
         rows[row] = line + "\n"
-    found = read(tmp_path, rows)
-    assert len(found.runs[0].time) == 10
-    assert np.flatnonzero(~found.runs[0].is_valid).tolist() == unknown
-    assert found.notes == ((f"run 'a': {note}",) if note else ())
-    assert found.runs[0].has_heading.sum() == 9 - (len(changes) > 1)
+    (run,) = (found := read(tmp_path, rows)).runs
+    assert len(run.time) == 10
+    assert np.flatnonzero(~run.is_valid).tolist() == unknown
+    notes = (f"run 'a': {note}",) if note else ()
+    assert found.notes == notes
+    assert run.has_heading.sum() == 9 - (len(changes) > 1)
 
 
 def test_rows_without_encoder_take_the_reading_that_covers_them(tmp_path):
@@ -108,27 +114,33 @@ def test_as_many_rows_as_possible_stay():
         assert (np.diff(time[chosen]) > 0).all()
         assert (np.diff(chosen) > 0).all()
         subsets = (np.flatnonzero([number >> k & 1 for k in range(8)]) for number in range(1, 256))
-        assert len(chosen) == max(len(rows) for rows in subsets if (np.diff(time[rows]) > 0).all())
+        longest = max(len(rows) for rows in subsets if (np.diff(time[rows]) > 0).all())
+        assert len(chosen) == longest
 
 
 def test_two_drives_under_one_name_are_read_as_two_runs(tmp_path):
-    found = read(tmp_path, lines(rows=30) + lines(rows=40))
-    assert [(run.run, len(run.time)) for run in found.runs] == [
-        ("a, part 1", 30),
-        ("a, part 2", 40),
-    ]
+    first = lines(rows=30)
+    second = lines(rows=40)
+    found = read(tmp_path, first + second)
+    rows = {run.run: len(run.time) for run in found.runs}
+    assert rows == {"a, part 1": 30, "a, part 2": 40}
     assert found.notes == (
         "run 'a': row 31, column t: goes back from 2.9 s to 0 s: read as 2 runs",
     )
 
 
 def test_a_run_most_of_whose_rows_are_damaged_is_refused(tmp_path):
-    bad = [changed(row, "omega_l", "oops") for row in lines("bad")[:6]] + lines("bad")[6:]
-    found = read(tmp_path, lines("good") + bad + lines("short", rows=1) + lines("", rows=2))
+    good = lines("good")
+    mostly_bad = lines("bad")
+    for k in range(6):
+        mostly_bad[k] = changed(mostly_bad[k], "omega_l", "oops")
+    short = lines("short", rows=1)
+    nameless = lines("", rows=2)
+    found = read(tmp_path, good + mostly_bad + short + nameless)
     assert [run.run for run in found.runs] == ["good"]
+    damaged = "row 11, column omega_l: 'oops' is not a finite number; so are 6 of its 10 rows"
     assert [str(refused) for refused in found.refused] == [
-        "run 'bad' left out: row 11, column omega_l: 'oops' is not a finite number; so are 6 of "
-        "its 10 rows",
+        f"run 'bad' left out: {damaged}",
         "run 'short' left out: 1 row, needs at least 2",
     ]
     assert found.notes == ("2 rows left out: row 22, column run: empty",)

@@ -8,14 +8,20 @@ from trackslip.logs.logfile import read_log
 from trackslip.logs.table_reader import runs_from_table
 
 NAMES = ["run", "t", "omega_l", "omega_r", "x", "y", "phi"]
-ROWS = [
-    ["a", 0.1 * k, 1.0, 1.5 + 0.25 * k, *([0.05 * k, -0.5, 0.1 * k] if k % 2 == 0 else [""] * 3)]
-    for k in range(12)
-]
+
+
+def row_of(k):
+    """Encoders, and a pose in every second row."""
+    pose = [0.05 * k, -0.5, 0.1 * k] if k % 2 == 0 else [""] * 3
+    return ["a", 0.1 * k, 1.0, 1.5 + 0.25 * k, *pose]
+
+
+ROWS = [row_of(k) for k in range(12)]
 
 
 def text(rows=ROWS, names=NAMES, separator=","):
-    return "\n".join(separator.join(map(str, row)) for row in [names, *rows]) + "\n"
+    lines = [separator.join(map(str, row)) for row in (names, *rows)]
+    return "\n".join(lines) + "\n"
 
 
 def read(path, content):
@@ -25,6 +31,7 @@ def read(path, content):
 
 
 PLAIN = text()
+UNITS = ["", "s", "rad/s", "rad/s", "m", "m", "rad"]
 SPELLINGS = {
     "blanks": text(separator=" , "),
     "a comment": "# robot 1, Monday\n#\n" + PLAIN,
@@ -34,17 +41,16 @@ SPELLINGS = {
     "tabs": text(separator="\t"),
     "decimal commas": text(separator=";").replace(".", ","),
     "a row of units": PLAIN.replace("\n", "\n-,s,rad/s,rad/s,m,m,rad\n", 1),
-    "all of it": "# robot\n"
-    + text([["", "s", "rad/s", "rad/s", "m", "m", "rad"], *ROWS], separator=" ; ").replace(
-        ".", ","
-    ),
+    "all of it": "# robot\n" + text([UNITS, *ROWS], separator=" ; ").replace(".", ","),
     "a mark of the byte order": "\ufeff" + PLAIN,
 }
 
 
 @pytest.mark.parametrize("content", SPELLINGS.values(), ids=SPELLINGS)
 def test_other_spellings_are_read_alike(tmp_path, content):
-    (plain,), (run,) = read(tmp_path, PLAIN).runs, (found := read(tmp_path, content)).runs
+    (plain,) = read(tmp_path, PLAIN).runs
+    found = read(tmp_path, content)
+    (run,) = found.runs
     assert found.warnings == ()
     assert run.run == "a"
     for name in ("time", "omega", "pose", "valid"):
@@ -55,9 +61,8 @@ def test_other_spellings_are_read_alike(tmp_path, content):
     ("column", "unit", "must"), [("phi", "deg", "rad"), ("t", "ms", "s"), ("x", "mm", "m")]
 )
 def test_a_row_of_other_units_is_refused(tmp_path, column, unit, must):
-    units = dict(zip(NAMES, ["-", "s", "rad/s", "rad/s", "m", "m", "rad"], strict=True)) | {
-        column: unit
-    }
+    units = dict(zip(NAMES, ["-", "s", "rad/s", "rad/s", "m", "m", "rad"], strict=True))
+    units[column] = unit
     with pytest.raises(LogError, match=f"column {column}: in '{unit}', must be in {must}"):
         read(tmp_path, text([[*units.values()], *ROWS]))
 
@@ -89,16 +94,17 @@ def test_quaternions_of_any_norm_are_headings(tmp_path, names):
 
 
 def test_a_part_of_a_quaternion_is_no_heading(tmp_path):
-    with pytest.raises(
-        LogError, match="columns qz are of a quaternion without w: give phi, the heading in rad, or"
-    ):
+    said = "columns qz are of a quaternion without w: give phi, the heading in rad, or"
+    with pytest.raises(LogError, match=said):
         read(tmp_path, text(names=[*NAMES[:6], "qz"]))
 
 
 @pytest.mark.parametrize("names", [NAMES, [*NAMES[:4], "phi"]])
 def test_headings_without_positions_are_poses(tmp_path, names):
-    rows = [[*row[:4], *([""] * (len(names) - 5)), 0.1 * k] for k, row in enumerate(ROWS)]
-    (run,) = (found := read(tmp_path, text(rows, names))).runs
+    no_position = [""] * (len(names) - 5)
+    rows = [[*row[:4], *no_position, 0.1 * k] for k, row in enumerate(ROWS)]
+    found = read(tmp_path, text(rows, names))
+    (run,) = found.runs
     assert found.warnings == ()
     assert run.is_valid.all()
     assert run.has_heading.all()
@@ -109,11 +115,11 @@ def test_headings_without_positions_are_poses(tmp_path, names):
 
 def test_headings_are_unwrapped_but_degrees_are_not():
     heading = np.linspace(0.0, 20.0, 100)
-    np.testing.assert_allclose(unwrapped_headings((heading + np.pi) % (2 * np.pi) - np.pi), heading)
+    wrapped = (heading + np.pi) % (2 * np.pi) - np.pi
+    np.testing.assert_allclose(unwrapped_headings(wrapped), heading)
     np.testing.assert_array_equal(unwrapped_headings(heading), heading)
-    np.testing.assert_array_equal(
-        unwrapped_headings(np.degrees(heading) % 360), np.degrees(heading) % 360
-    )
+    degrees = np.degrees(heading) % 360
+    np.testing.assert_array_equal(unwrapped_headings(degrees), degrees)
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
@@ -126,10 +132,14 @@ def test_any_number_of_rows_of_one_time_is_one(order):
             {"gyro": 0.01 * k},
             {"x": k, "y": 2 * k, "phi": 0.1, "valid": True},
         )
-        cells += [{"t": 0.05 * k, **parts[part]} for part in order if part < 2 or k % 5 == 0]
+        has_pose = k % 5 == 0
+        for part in order:
+            if part < 2 or has_pose:
+                cells.append({"t": 0.05 * k, **parts[part]})
     names = ("t", "omega_l", "omega_r", "gyro", "x", "y", "phi", "valid")
     table = pa.table({name: pa.array([row.get(name) for row in cells]) for name in names})
-    (run,) = (found := runs_from_table(table, "three.csv")).runs
+    found = runs_from_table(table, "three.csv")
+    (run,) = found.runs
     assert found.warnings == ()
     np.testing.assert_allclose(run.time, 0.05 * np.arange(50))
     np.testing.assert_array_equal(run.omega, np.arange(50)[:, None] * [1, -1])
@@ -138,14 +148,16 @@ def test_any_number_of_rows_of_one_time_is_one(order):
     np.testing.assert_array_equal(run.pose[run.is_valid, 1], 2 * np.arange(0, 50, 5))
 
 
-@pytest.mark.parametrize(
-    "order",
-    [
-        np.argsort,
-        lambda posed: np.random.default_rng(0).permutation(len(posed)),
-        lambda posed: np.argsort(np.arange(len(posed)) + 40 * posed),
-    ],
-)
+def at_random(posed):
+    return np.random.default_rng(0).permutation(len(posed))
+
+
+def poses_late(posed):
+    """Poses arrive 40 rows later."""
+    return np.argsort(np.arange(len(posed)) + 40 * posed)
+
+
+@pytest.mark.parametrize("order", [np.argsort, at_random, poses_late])
 def test_rows_of_one_sensor_after_those_of_another_are_sorted(order):
     """All rows with encoders before all with poses, in no order, or as they arrive: poses 0.8 s
     late.
@@ -153,10 +165,12 @@ def test_rows_of_one_sensor_after_those_of_another_are_sorted(order):
     time = 0.02 * np.arange(1200)
     posed = np.arange(1200) % 6 == 5
     rows = order(posed)
-    wheels, place = np.where(posed, np.nan, 1.0)[rows], np.where(posed, time, np.nan)[rows]
+    wheels = np.where(posed, np.nan, 1.0)[rows]
+    place = np.where(posed, time, np.nan)[rows]
     cells = {"t": time[rows], "omega_l": wheels, "omega_r": wheels, "x": place, "y": place}
     table = pa.table({name: pa.array(values, from_pandas=True) for name, values in cells.items()})
-    (run,) = (found := runs_from_table(table, "sensors.csv")).runs
+    found = runs_from_table(table, "sensors.csv")
+    (run,) = found.runs
     assert found.notes[-1].endswith("row after its last encoder reading left out")
     np.testing.assert_array_equal(run.time, time[:-1])
     np.testing.assert_array_equal(run.is_valid, posed[:-1])

@@ -45,10 +45,11 @@ def root_near(parameters, pose):
 @pytest.mark.parametrize("seed", range(6))
 def test_arc_converges_to_a_small_share_of_its_errors(kind, seed):
     rng = np.random.default_rng(seed)
-    twist = [rng.uniform(-0.3, 0.3), rng.uniform(-0.6, 0.6)]
-    pose = advance([1.0, 2.0, 0.5], np.array(twist), TIME) + noise(kind, rng)
+    twist = np.array([rng.uniform(-0.3, 0.3), rng.uniform(-0.6, 0.6)])
+    pose = advance([1.0, 2.0, 0.5], twist, TIME) + noise(kind, rng)
     parameters, hessian, scores, _ = fit_arc(TIME, pose)
     inverse = np.linalg.inv(hessian)
     covariance = inverse @ (len(TIME) * long_run_covariance(scores)) @ inverse
+    errors = np.sqrt(np.diag(covariance))
     missed = parameters - root_near(parameters, pose)
-    assert np.abs(missed / np.sqrt(np.diag(covariance))).max() < 1e-3
+    assert np.abs(missed / errors).max() < 1e-3

@@ -32,7 +32,8 @@ def test_gaps_are_bridged_along_the_arc(radius, seconds):
     log = circle_log(twist, valid=valid)
     true = log.pose.copy()
     log.pose[~valid] = np.nan
-    np.testing.assert_allclose(even_poses(log)[1], true, atol=1e-9)
+    _, pose = even_poses(log)
+    np.testing.assert_allclose(pose, true, atol=1e-9)
 
 
 METHODS = {"arc": arc, "paper": paper}
@@ -42,32 +43,37 @@ METHODS = {"arc": arc, "paper": paper}
 @pytest.mark.parametrize("twist", [(0.25, 0.4), (0.05, 0.02), (-0.2, 0.3), (0.2, 0.0), (0.0, 0.5)])
 def test_every_method_finds_the_twist_of_an_arc(method, twist):
     found = METHODS[method](circle_log(twist), WINDOW)
-    # a chord is shorter
-    np.testing.assert_allclose(found.twist, twist, atol={"arc": 2e-6, "paper": 5e-6}[method])
+    tolerance = {"arc": 2e-6, "paper": 5e-6}[method]  # a chord is shorter
+    np.testing.assert_allclose(found.twist, twist, atol=tolerance)
 
 
 def test_standard_errors_are_those_of_repeats():
     """Of noise without memory, and with one of half a second."""
+    twist = (0.1, 0.08)
+    log = circle_log(twist)
     for memory in (0.0, 0.9):
         found = []
         for seed in range(30):
-            log = circle_log((0.1, 0.08))
             rng = np.random.default_rng(seed)
             noise = rng.normal(size=log.pose.shape) * [0.002, 0.002, 0.004]
             for k in range(1, len(noise)):
                 noise[k] = memory * noise[k - 1] + np.sqrt(1 - memory**2) * noise[k]
-            found.append(arc(RunLog("noisy", log.time, log.omega, log.pose + noise), WINDOW))
-        error = np.array([f.twist - [0.1, 0.08] for f in found])
-        stated = np.array([np.diag(f.covariance) for f in found])
-        ratio = np.sqrt(np.mean(error**2, axis=0) / stated.mean(axis=0))
+            noisy = RunLog("noisy", log.time, log.omega, log.pose + noise)
+            found.append(arc(noisy, WINDOW))
+        error = np.array([steady.twist - twist for steady in found])
+        variance = np.array([np.diag(steady.covariance) for steady in found])
+        ratio = np.sqrt(np.mean(error**2, axis=0) / variance.mean(axis=0))
         assert np.all(ratio < 1.6), ratio
-        assert np.all(np.abs(error.mean(axis=0)) < 4 * error.std(axis=0) / np.sqrt(len(error)))
+        error_of_mean = error.std(axis=0) / np.sqrt(len(error))
+        assert np.all(np.abs(error.mean(axis=0)) < 4 * error_of_mean)
 
 
 def test_a_lateral_speed_does_not_bend_the_arc():
     """A centre of rotation ahead of the middle: the robot goes sideways, steadily."""
     time = np.arange(600) * 0.05
-    v, u, w = 0.2, -0.02, 0.3
+    v = 0.2
+    u = -0.02
+    w = 0.3
     phi = 0.4 + w * time
     x = (v * np.sin(phi) + u * np.cos(phi)) / w
     y = (-v * np.cos(phi) + u * np.sin(phi)) / w
@@ -80,29 +86,28 @@ def test_a_lateral_speed_does_not_bend_the_arc():
 @pytest.mark.parametrize("method", ["arc", "paper"])
 def test_a_window_without_poses_is_refused(method):
     time = np.arange(600) * 0.05
-    log = circle_log((0.1, 0.1), valid=(time < 20) | (time > 24.5))
-    with pytest.raises(
-        LogError, match="hardly any valid pose between 20 s and 25 s, where it is steady"
-    ):
-        arc(log, (20.0, 25.0))
-    with pytest.raises(
-        LogError, match=r"its steady window between 29\.5 s and 30 s is short: it has 9 poses"
-    ):
+    without_poses = circle_log((0.1, 0.1), valid=(time < 20) | (time > 24.5))
+    said = "hardly any valid pose between 20 s and 25 s, where it is steady"
+    with pytest.raises(LogError, match=said):
+        arc(without_poses, (20.0, 25.0))
+    said = r"its steady window between 29\.5 s and 30 s is short: it has 9 poses"
+    with pytest.raises(LogError, match=said):
         METHODS[method](circle_log((0.1, 0.1)), (29.5, 30.0))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 1.0])
 def test_long_run_covariance_is_that_of_newey_and_west(share):
+    """The sum of the autocovariances, weighted by 1 - lag / (lags + 1)."""
     series = np.cumsum(np.random.default_rng(0).standard_normal((60, 3)), axis=0)
     series -= series.mean(axis=0)
     lags = int(share * 60)
     expected = series.T @ series
     for lag in range(1, min(lags, 59) + 1):
         product = series[lag:].T @ series[:-lag]
-        expected += (1 - lag / (lags + 1)) * (product + product.T)
-    np.testing.assert_allclose(
-        long_run_covariance(series, share), expected / 60, rtol=1e-12, atol=1e-12 * 60
-    )
+        weight = 1 - lag / (lags + 1)
+        expected += weight * (product + product.T)
+    found = long_run_covariance(series, share)
+    np.testing.assert_allclose(found, expected / 60, rtol=1e-12, atol=1e-12 * 60)
 
 
 TWIST = np.array([0.2, 0.25])
@@ -119,15 +124,16 @@ def logs(scan_rectangle):
     found = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        pose = advance(
-            [2.0, -0.5 + rng.uniform(-0.05, 0.05), 0.3 + rng.uniform(-0.1, 0.1)], TWIST, time
-        )
+        y = -0.5 + rng.uniform(-0.05, 0.05)
+        heading = 0.3 + rng.uniform(-0.1, 0.1)
+        pose = advance([2.0, y, heading], TWIST, time)
         scan = scan_rectangle(pose, rng)
         estimate = PlateLocator().locate(scan)
-        heading = estimate.pose[:, 2] - np.pi * np.round((estimate.pose[:, 2] - pose[:, 2]) / np.pi)
+        half_turns = np.round((estimate.pose[:, 2] - pose[:, 2]) / np.pi)
+        located = estimate.pose - np.pi * half_turns[:, None] * [0, 0, 1]
         cluster = extract_plate(scan, PLATE, scan.from_world(pose))
-        scans = ScanLog(replace(scan, ranges=np.empty((0, len(scan.bearings)))), PLATE, cluster)
-        located = np.column_stack([estimate.pose[:, :2], heading])
+        scanner = replace(scan, ranges=np.empty((0, len(scan.bearings))))
+        scans = ScanLog(scanner, PLATE, cluster)
         log = RunLog("circle", time, np.ones((150, 2)), located, valid=estimate.valid, scans=scans)
         found.append((log, pose))
     return found
@@ -151,13 +157,15 @@ def test_bundle_is_at_the_bound_and_its_errors_are_its_scatter(logs):
     jacobian = jacobian[is_bounded]
     weight = np.linalg.inv(covariance[is_bounded])
     information = np.einsum("tki,tkl,tlj->ij", jacobian, weight, jacobian)
-    bound = np.sqrt(np.diag(np.linalg.inv(information)))[[3, 5]]
+    of_v_and_w = [3, 5]
+    bound = np.sqrt(np.diag(np.linalg.inv(information)))[of_v_and_w]
     assert np.all(rms < 1.1 * bound * (1 + spread))
 
     variances = [np.diag(steady.covariance) for steady in found]
     stated = np.sqrt(np.mean(variances, axis=0))
     assert np.all(np.abs(rms / stated - 1) < spread)
-    assert np.all(np.abs(error.mean(axis=0)) < 3.5 * rms / np.sqrt(len(logs)))
+    error_of_mean = rms / np.sqrt(len(logs))
+    assert np.all(np.abs(error.mean(axis=0)) < 3.5 * error_of_mean)
     by_arc = [arc(log, SCANNED).twist for log, _ in logs]
     assert np.all(error.std(axis=0) < np.std(by_arc, axis=0))
 
@@ -166,13 +174,16 @@ def test_scans_of_something_else_are_left_out(logs):
     log, _ = logs[0]
     cluster = log.scans.cluster
     nearer = cluster.range.copy()
-    nearer[(cluster.row >= 50) & (cluster.row < 65)] -= 0.4
+    is_spoilt = (cluster.row >= 50) & (cluster.row < 65)
+    nearer[is_spoilt] -= 0.4
     spoilt = replace(log, scans=replace(log.scans, cluster=replace(cluster, range=nearer)))
-    change = bundle(spoilt, SCANNED).twist - bundle(log, SCANNED).twist
-    assert np.all(np.abs(change) < np.sqrt(np.diag(bundle(log, SCANNED).covariance)))
+    clean = bundle(log, SCANNED)
+    change = bundle(spoilt, SCANNED).twist - clean.twist
+    assert np.all(np.abs(change) < np.sqrt(np.diag(clean.covariance)))
 
 
 def test_logs_without_ranges_are_refused(logs):
-    log = replace(logs[0][0], scans=None)
+    log, _ = logs[0]
+    log = replace(log, scans=None)
     with pytest.raises(LogError, match="has no ranges, which bundle needs"):
         bundle(log, SCANNED)

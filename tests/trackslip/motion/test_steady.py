@@ -40,36 +40,28 @@ def test_a_run_that_is_steady_for_a_while_only():
 
 
 def test_every_steady_stretch_is_a_sample():
-    log = driven(
-        ((0.0, 0.5), (6.0, 1.0), (12.0, 0.0), (15.0, 0.7), (21.0, -0.5), (22.0, 1.3)), duration=30.0
-    )
+    changes = ((0.0, 0.5), (6.0, 1.0), (12.0, 0.0), (15.0, 0.7), (21.0, -0.5), (22.0, 1.3))
+    log = driven(changes, duration=30.0)
     parts = steady_parts(log)
-    assert [part.name for part in parts] == [
-        "run @ 1.5 s",
-        "run @ 7.5 s",
-        "run @ 16.5 s",
-        "run @ 23.5 s",
-    ]
+    names = ("run @ 1.5 s", "run @ 7.5 s", "run @ 16.5 s", "run @ 23.5 s")
+    assert tuple(part.name for part in parts) == names
     found = usable_samples([log], GEOMETRY)
-    assert found.samples.run == tuple(part.name for part in parts)
+    assert found.samples.run == names
     np.testing.assert_allclose(found.samples.slip, np.tile(LAW(0.5), (4, 1)), atol=1e-6)
-    np.testing.assert_allclose(
-        found.samples.twist, np.outer([0.5, 1.0, 0.7, 1.3], TWIST), atol=1e-6
-    )
+    expected = np.outer([0.5, 1.0, 0.7, 1.3], TWIST)
+    np.testing.assert_allclose(found.samples.twist, expected, atol=1e-6)
     assert found.refused == ()
 
 
 def test_a_gap_in_the_clock_parts_a_run():
     log = driven()
     late = np.where(log.time >= 5.0, log.time + 7.0, log.time)  # the clock jumps, the robot doesn't
-    part = steady_part(replace(log, time=late))
+    log = replace(log, time=late)
+    part = steady_part(log)
     assert "its clock has a gap from t = 4.95 s to 12 s" in part.notes[0]
     assert part.window == pytest.approx((12.0 + SETTLE, 26.95 - MARGIN))
-    np.testing.assert_allclose(
-        usable_samples([replace(log, time=late)], GEOMETRY, longest=True).samples.slip[0],
-        LAW(0.5),
-        atol=1e-6,
-    )
+    samples = usable_samples([log], GEOMETRY, longest=True).samples
+    np.testing.assert_allclose(samples.slip[0], LAW(0.5), atol=1e-6)
 
 
 def test_motion_that_changes_at_constant_sprockets_is_refused():
@@ -105,22 +97,24 @@ def test_standing_still_between_commands_is_no_sample():
 
 def test_pieces_follow_the_law_as_the_load_turns_with_the_robot():
     """A circle on a slope, which is not steady as a whole."""
-    law, omega, step, rows, pose = (
-        IcrLoad(0.04, 0.168, 0.01, 0.1, 0.2),
-        np.array([1.5, 3.5]),
-        0.05,
-        [],
-        np.zeros(3),
-    )
+    law = IcrLoad(0.04, 0.168, 0.01, 0.1, 0.2)
+    omega = np.array([1.5, 3.5])
+    step = 0.05
+    poses = []
+    loads = []
+    pose = np.zeros(3)
     for k in range(4 * 280):
         load = np.tan(0.17) * np.array([np.cos(pose[2]), -np.sin(pose[2])])
         if k % 4 == 0:
-            rows.append((pose, load))
-        v, w = law.under(load).twist(omega, GEOMETRY)
-        lateral = float(law.under(load).sideslip(np.array([v, w])))
-        pose = se2.drive(pose, np.array([v, lateral, w]) * step / 4)[0]
-    poses, loads = (np.array(values) for values in zip(*rows, strict=True))
-    log = RunLog("run", step * np.arange(280), np.tile(omega, (280, 1)), poses, load=loads)
+            poses.append(pose)
+            loads.append(load)
+        loaded = law.under(load)
+        v, w = loaded.twist(omega, GEOMETRY)
+        lateral = float(loaded.sideslip(np.array([v, w])))
+        pose, *_ = se2.drive(pose, np.array([v, lateral, w]) * step / 4)
+    time = step * np.arange(280)
+    speeds = np.tile(omega, (280, 1))
+    log = RunLog("run", time, speeds, np.array(poses), load=np.array(loads))
     with pytest.raises(LogError, match="its motion is not: v changes"):
         usable_samples([log], GEOMETRY, longest=True)
     pieces = usable_samples([log], GEOMETRY).samples
@@ -142,20 +136,24 @@ def circle(rng, noise, rate=10.0, duration=20.0, twist=None):
 def displaced(pose, way, direction, turn):
     """Poses turned about the first of them and shifted: a map that was corrected."""
     x, y = (pose[:, :2] - pose[0, :2]).T
-    cos, sin = np.cos(turn), np.sin(turn)
-    moved = np.column_stack([cos * x - sin * y, sin * x + cos * y]) + pose[0, :2]
-    return np.column_stack(
-        [moved + way * np.array([np.cos(direction), np.sin(direction)]), pose[:, 2] + turn]
-    )
+    cos = np.cos(turn)
+    sin = np.sin(turn)
+    turned = np.column_stack([cos * x - sin * y, sin * x + cos * y]) + pose[0, :2]
+    shift = way * np.array([np.cos(direction), np.sin(direction)])
+    return np.column_stack([turned + shift, pose[:, 2] + turn])
 
 
 def samples_of(time, pose, twist):
-    omega = np.tile((twist[0] + np.array([-1, 1]) * 0.168 * twist[1]) / 0.06, (len(time), 1))
-    return usable_samples([RunLog("run", time, omega, pose)], GEOMETRY).samples
+    """Samples of a run whose sprockets turn as without slip."""
+    v, w = twist
+    omega = (v + np.array([-1, 1]) * GEOMETRY.half_gauge * w) / GEOMETRY.sprocket_radius
+    log = RunLog("run", time, np.tile(omega, (len(time), 1)), pose)
+    return usable_samples([log], GEOMETRY).samples
 
 
 def errors_of(samples, twist):
-    return (samples.twist[0] - twist) / np.sqrt(np.diag(samples.covariance[0]))
+    standard_errors = np.sqrt(np.diag(samples.covariance[0]))
+    return (samples.twist[0] - twist) / standard_errors
 
 
 @pytest.mark.parametrize(("rate", "noise"), [(5.0, NOISE["fine"]), (20.0, NOISE["coarse"])])
@@ -168,9 +166,9 @@ def test_a_lasting_jump_is_refused_where_it_is(way, turn, rate, noise):
         pose[row:] = displaced(pose[row:], way, rng.uniform(-3, 3), np.radians(turn))
         with pytest.raises(LogError, match=r"its poses jump by .* and stay there") as refused:
             samples_of(time, pose, twist)
-        assert float(str(refused.value).partition("t = ")[2].split()[0]) == pytest.approx(
-            time[row], abs=8 / rate
-        )
+        _, _, after = str(refused.value).partition("t = ")
+        told = float(after.split()[0])
+        assert told == pytest.approx(time[row], abs=8 / rate)
 
 
 @pytest.mark.parametrize("noise", NOISE.values(), ids=NOISE)
@@ -183,10 +181,8 @@ def test_jumps_at_random_times_do_not_bias_the_motion(noise):
     for _ in range(45):
         time, pose, twist = circle(rng, noise, rng.choice([5.0, 10.0, 20.0]))
         row = int(rng.integers(1, len(time)))
-        way, turn = (
-            rng.choice([0, 1]) * rng.uniform(0.15, 0.5),
-            np.radians(rng.choice([0, 1]) * rng.uniform(8, 30)),
-        )
+        way = rng.choice([0, 1]) * rng.uniform(0.15, 0.5)
+        turn = np.radians(rng.choice([0, 1]) * rng.uniform(8, 30))
         pose[row:] = displaced(pose[row:], way, rng.uniform(-3, 3), turn)
         with contextlib.suppress(LogError):
             errors.append(errors_of(samples_of(time, pose, twist), twist))
@@ -200,8 +196,9 @@ def test_wild_poses_hardly_matter(successive):
     rng = np.random.default_rng(3)
     for _ in range(5):
         time, pose, twist = circle(rng, NOISE["coarse"])
-        rows = np.sort(rng.choice(len(time) // 10, 5, replace=False))[:, None] * 10 + np.arange(
-            successive
-        )
-        pose[rows, :2] += rng.uniform(0.5, 5, (5, 1, 2)) * rng.choice([-1, 1], (5, 1, 2))
-        assert np.abs(errors_of(samples_of(time, pose, twist), twist)).max() < 4.0
+        tenths = np.sort(rng.choice(len(time) // 10, 5, replace=False))
+        rows = tenths[:, None] * 10 + np.arange(successive)
+        size = rng.uniform(0.5, 5, (5, 1, 2))
+        pose[rows, :2] += size * rng.choice([-1, 1], (5, 1, 2))
+        errors = errors_of(samples_of(time, pose, twist), twist)
+        assert np.abs(errors).max() < 4.0

@@ -15,21 +15,27 @@ from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.uncertainty import Gyro
 from trackslip.se2 import Mounting
 
-BY_LAW, BY_NONE = SlipOdometry(ICR, GEOMETRY), SlipOdometry(NoSlip(), GEOMETRY)
+BY_LAW = SlipOdometry(ICR, GEOMETRY)
+BY_NONE = SlipOdometry(NoSlip(), GEOMETRY)
 PLACE = Mounting(0.3, -0.1, 0.2)
 MOUNTED = PoseSensor(rate=7.0, ahead=PLACE.x, left=PLACE.y, mounting=PLACE.yaw, delay=0.15)
 
 
+def relative(found):
+    """All errors after metres and after seconds."""
+    return [*found.after_metres.values(), *found.after_seconds.values()]
+
+
 def largest(found):
-    relative = [*found.after_metres.values(), *found.after_seconds.values()]
-    return max(part.position.largest for part in relative), relative
+    """The largest relative error of a position [m]."""
+    return max(errors.position.largest for errors in relative(found))
 
 
 def test_the_true_law_has_no_errors_and_another_has_some():
     log = drive_log(0, 60.0, EXACT, STILL)
     found = odometry_errors(log, BY_LAW)
-    assert largest(found)[0] < 1e-9
-    assert all(one.heading.largest < 1e-9 for one in largest(found)[1])
+    assert largest(found) < 1e-9
+    assert all(errors.heading.largest < 1e-9 for errors in relative(found))
     assert tuple(found.after_metres) == LENGTHS[: len(found.after_metres)]
     assert tuple(found.after_seconds) == LENGTHS
     assert odometry_errors(log, BY_NONE).after_metres[5.0].position.rms > 0.1
@@ -42,19 +48,19 @@ def test_a_circle_is_wrong_by_its_law():
     twist = np.array([0.2, 0.4])
     omega = ICR.sprocket_speeds(twist, GEOMETRY)
     time = np.arange(0.0, 60.0, 0.02)
-    log = RunLog(
-        "circle", time, np.tile(omega, (len(time), 1)), advance([0.0, 0.0, 0.0], twist, time)
-    )
+    pose = advance([0.0, 0.0, 0.0], twist, time)
+    log = RunLog("circle", time, np.tile(omega, (len(time), 1)), pose)
     found = odometry_errors(log, BY_NONE)
     nominal = body_twist(omega, 0.0, GEOMETRY)
     for seconds, errors in found.after_seconds.items():
-        turned, truly = nominal[1] * seconds, twist[1] * seconds
-        ends = [advance([0.0, 0.0, 0.0], one, seconds) for one in (nominal, twist)]
-        assert errors.position.median == pytest.approx(np.hypot(*(ends[0] - ends[1])[:2]), rel=1e-6)
-        assert errors.heading.median == pytest.approx(turned - truly, rel=1e-6)
-        assert errors.heading.mean / errors.way == pytest.approx(
-            (nominal[1] - twist[1]) / nominal[0], rel=1e-3
-        )
+        reckoned = advance([0.0, 0.0, 0.0], nominal, seconds)
+        true = advance([0.0, 0.0, 0.0], twist, seconds)
+        distance = np.hypot(*(reckoned - true)[:2])
+        turn = (nominal[1] - twist[1]) * seconds
+        turn_per_metre = (nominal[1] - twist[1]) / nominal[0]
+        assert errors.position.median == pytest.approx(distance, rel=1e-6)
+        assert errors.heading.median == pytest.approx(turn, rel=1e-6)
+        assert errors.heading.mean / errors.way == pytest.approx(turn_per_metre, rel=1e-3)
         assert errors.count == len(time) - round(seconds / 0.02)
 
 
@@ -73,8 +79,9 @@ def test_a_rest_begins_one_stretch_whatever_its_duration():
     short = errors(11.0)
     long = errors(30.0)
     for seconds, error in short.after_seconds.items():
-        assert error.count == long.after_seconds[seconds].count
-        assert error.position.median == pytest.approx(long.after_seconds[seconds].position.median)
+        other = long.after_seconds[seconds]
+        assert error.count == other.count
+        assert error.position.median == pytest.approx(other.position.median)
     assert short.after_metres[2.0].count == long.after_metres[2.0].count
     assert short.after_metres[2.0].position.median > 0.1
 
@@ -83,10 +90,8 @@ def test_repeated_and_interpolated_poses_do_not_count():
     log = drive_log(1, 60.0, PoseSensor(rate=1.0), STILL).between(20, 3030)
     rows = np.flatnonzero(log.is_valid)
     for kind in ("previous", "linear"):
-        pose = interp1d(log.time[rows], log.pose[rows].T, kind, fill_value="extrapolate")(
-            log.time
-        ).T
-        found = odometry_errors(replace(log, pose=pose, valid=None), BY_LAW)
+        filled = interp1d(log.time[rows], log.pose[rows].T, kind, fill_value="extrapolate")
+        found = odometry_errors(replace(log, pose=filled(log.time).T, valid=None), BY_LAW)
         assert found.after_seconds[5.0].position.median < 1e-4
         assert found.after_seconds[5.0].count == pytest.approx(len(rows) - 5, abs=3)
 
@@ -94,18 +99,20 @@ def test_repeated_and_interpolated_poses_do_not_count():
 def test_sensor_and_clock_are_allowed_for():
     log = drive_log(1, 40.0, MOUNTED, STILL)
     found = odometry_errors(log, BY_LAW, PLACE, clock_offset=-0.15)
-    assert largest(found)[0] < 1e-9
-    for mounting, offset in ((Mounting(), -0.15), (PLACE, 0.0)):
-        assert largest(odometry_errors(log, BY_LAW, mounting, offset))[0] > 0.01
+    assert largest(found) < 1e-9
+    without_mounting = odometry_errors(log, BY_LAW, Mounting(), -0.15)
+    assert largest(without_mounting) > 0.01
+    without_clock = odometry_errors(log, BY_LAW, PLACE, 0.0)
+    assert largest(without_clock) > 0.01
 
 
 def test_without_headings_earlier_positions_show_the_start():
     log = drive_log(3, 60.0, replace(EXACT, heading=False), STILL)
     found = odometry_errors(log, BY_LAW)
-    np.testing.assert_allclose(
-        found.trajectories[0].placed[:, :2], found.trajectories[0].measured[:, :2], atol=1e-6
-    )
+    (drive,) = found.trajectories
+    np.testing.assert_allclose(drive.placed[:, :2], drive.measured[:, :2], atol=1e-6)
     assert found.after_metres[2.0].position.largest < 1e-6
+    assert found.after_metres[2.0].heading is None
     assert found.after_metres[2.0].heading is None
     none = odometry_errors(log, BY_NONE).after_metres[2.0]
     assert none.position.rms > 0.05
@@ -117,10 +124,8 @@ def test_a_drive_without_poses_is_left_out_of_several():
     empty = without_poses(replace(log, run="blind"), log.is_valid)
     found = odometry_errors([empty, log], BY_LAW)
     assert [drive.name for drive in found.trajectories] == ["drive 7"]
-    assert (
-        found.notes[0]
-        == "run 'blind': encoders were read at 0 of 0 measured poses, needs at least 2"
-    )
+    message = "run 'blind': encoders were read at 0 of 0 measured poses, needs at least 2"
+    assert found.notes[0] == message
     with pytest.raises(LogError, match="run 'blind': encoders were read at 0 of 0 measured"):
         odometry_errors(empty, BY_LAW)
     with pytest.raises(LogError, match="run 'drive 7': encoders were read at 0 of 100 measured"):

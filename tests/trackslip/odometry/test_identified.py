@@ -25,55 +25,48 @@ def folder(found, tmp_path):
     return tmp_path
 
 
+def said_of_errors(law):
+    """Names and covariance of a law's parameters, None if they are unknown."""
+    if law.errors is None:
+        return None
+    return law.errors.names, law.errors.covariance.tolist()
+
+
 @pytest.mark.parametrize("name", [None, "none", "icr", "icr_radius"])
 def test_a_folder_holds_the_same_as_the_identification(found, folder, name):
-    here, there = identified_law(found, name), identified_law(folder, name)
+    here = identified_law(found, name)
+    there = identified_law(folder, name)
     assert here.name == there.name == (name or found.best)
     assert type(here.law) is type(there.law)
     for about in ("noise", "drift", "mounting", "clock_offset"):
         assert getattr(here, about) == getattr(there, about)
-    errors = [
-        (law.errors.names, law.errors.covariance.tolist()) if law.errors else None
-        for law in (here, there)
-    ]
-    assert errors[0] == errors[1]
+    assert said_of_errors(here) == said_of_errors(there)
 
 
 def test_a_file_of_laws_knows_nothing_else(tmp_path):
     save_laws(tmp_path / "laws.json", {"icr_radius": ICR}, GEOMETRY)
     used = identified_law(tmp_path / "laws.json")
-    assert (used.name, used.law, used.geometry) == ("icr_radius", ICR, GEOMETRY)
-    assert (used.noise, used.errors, used.mounting, used.clock_offset, used.drift) == (
-        None,
-        None,
-        None,
-        None,
-        0.0,
-    )
+    assert used.name == "icr_radius"
+    assert used.law == ICR
+    assert used.geometry == GEOMETRY
+    assert used.noise is None
+    assert used.errors is None
+    assert used.mounting is None
+    assert used.clock_offset is None
+    assert used.drift == 0.0
     assert identified_law(tmp_path / "laws.json", "none").law == NoSlip() == no_slip(GEOMETRY).law
 
 
 def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):
-    save_laws(tmp_path / "two.json", {"icr_radius": ICR, "icr": ConstantIcr(0.04, 0.168)}, GEOMETRY)
+    two = tmp_path / "two.json"
+    save_laws(two, {"icr_radius": ICR, "icr": ConstantIcr(0.04, 0.168)}, GEOMETRY)
+    unknown = "law = 'exponential': must be one of none, icr, icr_radius (in the identification"
+    which = "two.json: says nothing of which law is best: choose one of icr, "
+    other_robot = "its laws are for half_gauge = 0.168 m and sprocket_radius = 0.06"
     for source, name, robot, message in [
-        (
-            found,
-            "exponential",
-            None,
-            "law = 'exponential': must be one of none, icr, icr_radius (in the identification",
-        ),
-        (
-            tmp_path / "two.json",
-            None,
-            None,
-            "two.json: says nothing of which law is best: choose one of icr, ",
-        ),
-        (
-            folder,
-            "icr",
-            RobotGeometry(0.2, 0.06),
-            "its laws are for half_gauge = 0.168 m and sprocket_radius = 0.06",
-        ),
+        (found, "exponential", None, unknown),
+        (two, None, None, which),
+        (folder, "icr", RobotGeometry(0.2, 0.06), other_robot),
     ]:
         with pytest.raises(TrackslipError) as caught:
             identified_law(source, name, robot)
@@ -86,7 +79,8 @@ def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):
 def test_a_damaged_summary_is_told_in_a_line(folder, damage):
     content = json.loads((folder / "summary.json").read_text())
     fit = content["drive"]["laws"]["icr"]
-    fit |= {key: fit[key] | value if value else value for key, value in damage.items()}
+    for key, value in damage.items():
+        fit[key] = fit[key] | value if value else value
     write_json(folder / "summary.json", content)
     with pytest.raises(LogError, match="what it says of law 'icr' is damaged"):
         identified_law(folder, "icr")

@@ -19,6 +19,11 @@ EXACT = FilterTuning(
 )
 
 
+def variances(covariance):
+    """Diagonals (N, n) of covariances (N, n, n)."""
+    return np.einsum("nii->ni", covariance)
+
+
 @dataclass
 class Drive:
     """N robots on constant ICRs, whose poses are measured with noise."""
@@ -45,7 +50,8 @@ class Drive:
     def measured(self) -> PoseEstimate:
         n = len(self.pose)
         noise = self.rng.normal(size=(n, 3)) * np.sqrt(np.diag(NOISE))
-        return PoseEstimate(self.pose + noise, np.tile(NOISE, (n, 1, 1)), np.ones(n, bool))
+        covariance = np.tile(NOISE, (n, 1, 1))
+        return PoseEstimate(self.pose + noise, covariance, np.ones(n, bool))
 
 
 def test_motion_and_its_derivatives_by_finite_differences():
@@ -68,15 +74,16 @@ def test_finds_the_law_and_knows_how_well():
     """
     rng = np.random.default_rng(1)
     tuning = replace(EXACT, gain_spread=0.1, radius_error_spread=0.005)
-    gain, radius_error = 1 + rng.normal(0, 0.1, 150), rng.normal(0, 0.005, 150)
-    truth = ConstantIcr(GEOMETRY.half_gauge * (1 / gain - 1), GEOMETRY.half_gauge, radius_error)
+    gain = 1 + rng.normal(0, 0.1, 150)
+    radius_error = rng.normal(0, 0.005, 150)
+    offset = GEOMETRY.half_gauge * (1 / gain - 1)
+    truth = ConstantIcr(offset, GEOMETRY.half_gauge, radius_error)
     drive = Drive.begin(150, None, tuning)
     for seconds in (2.0, 8.0):
         drive.run(seconds, law=truth)
         error = drive.found.state[:, 3:5] - np.stack([gain, radius_error], axis=1)
-        square = np.einsum(
-            "ni,nij,nj->n", error, np.linalg.inv(drive.found.covariance[:, 3:5, 3:5]), error
-        )
+        information = np.linalg.inv(drive.found.covariance[:, 3:5, 3:5])
+        square = np.einsum("ni,nij,nj->n", error, information, error)
         low, high = chi2.ppf([0.001, 0.999], 2 * len(square))
         assert low < square.sum() < high
     assert drive.found.restarts.sum() <= 1
@@ -96,11 +103,13 @@ def test_finds_changed_ground_within_seconds():
 
 def test_a_turn_about_a_shifted_centre_is_no_changed_ground():
     """As with a weight ahead of the middle: D is found all the same."""
-    speeds, centre = np.array([[2.0, 2.9]]), 0.03
+    speeds = np.array([[2.0, 2.9]])
+    centre = 0.03
     drive = Drive.begin(20, TRUE)
+    v, w = TRUE.twist(speeds, GEOMETRY)[0]
+    motion = np.tile([v, -centre * w, w], (20, 1)) * PERIOD
     for _ in range(400):
-        v, w = TRUE.twist(speeds, GEOMETRY)[0]
-        drive.pose = se2.drive(drive.pose, np.tile([v, -centre * w, w], (20, 1)) * PERIOD)[0]
+        drive.pose, *_ = se2.drive(drive.pose, motion)
         drive.found.update(np.repeat(speeds, 20, axis=0), PERIOD, drive.measured())
     assert not drive.found.restarts.any()
     np.testing.assert_allclose(drive.found.offset, TRUE.offset, rtol=0.05)
@@ -111,15 +120,21 @@ def test_stays_put_when_nothing_is_to_be_learnt():
     """A stand only tells more of the pose, and through it, once, a little of the turn before."""
     drive = Drive.begin(3, TRUE)
     drive.run(10.0)
-    known, spread = drive.found.state[:, 3:].copy(), drive.found.covariance[:, 3:, 3:].copy()
+    known = drive.found.state[:, 3:].copy()
+    covariance = drive.found.covariance[:, 3:, 3:].copy()
     drive.run(10.0, omega=(0.0, 0.0))
-    assert (np.abs(drive.found.state[:, 3:] - known) < np.sqrt(np.einsum("nii->ni", spread))).all()
-    assert (np.einsum("nii->ni", drive.found.covariance[:, 3:, 3:] - spread) <= 1e-12).all()
-    known, gain = drive.found.offset, drive.found.state[:, 3]
-    spread = GEOMETRY.half_gauge / gain**2 * np.sqrt(drive.found.covariance[:, 3, 3])
+    change = np.abs(drive.found.state[:, 3:] - known)
+    assert (change < np.sqrt(variances(covariance))).all()
+    growth = variances(drive.found.covariance[:, 3:, 3:] - covariance)
+    assert (growth <= 1e-12).all()
+
+    known_offset = drive.found.offset
+    gain = drive.found.state[:, 3]
+    # D = b (1 / gain - 1)
+    offset_error = GEOMETRY.half_gauge / gain**2 * np.sqrt(drive.found.covariance[:, 3, 3])
     drive.run(10.0, omega=(2.5, 2.5))
     drive.run(10.0, omega=(-2.5, -2.5))
-    assert (np.abs(drive.found.offset - known) < spread).all()
+    assert (np.abs(drive.found.offset - known_offset) < offset_error).all()
     assert not drive.found.restarts.any()
 
 

@@ -22,9 +22,8 @@ from trackslip.planning.route import (
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(0.3, 0.5, (3.0, 3.0), 60.0)
-MANEUVERS = Maneuvers.of(
-    np.array([[2.0, 2.0], [-0.5, 0.5], [1.0, 1.5], [-1.5, -1.5], [0.4, -0.4], [2.0, 2.0]]), LIMITS
-)
+WAYS = np.array([[2.0, 2.0], [-0.5, 0.5], [1.0, 1.5], [-1.5, -1.5], [0.4, -0.4], [2.0, 2.0]])
+MANEUVERS = Maneuvers.of(WAYS, LIMITS)
 EXACT = replace(first_knowledge(GEOMETRY), reach_doubt=0.0, radius_doubt=0.0, pull=0.0)
 
 
@@ -35,31 +34,32 @@ def test_a_path_is_that_of_the_law():
     for way in MANEUVERS.distance:
         pose = advance(pose, law.twist(way / 0.06, GEOMETRY), 1.0)
         ends.append(pose)
-    x, y = path(MANEUVERS, 0.3, np.array([[0.218, 1.01, 1.01]]))
-    np.testing.assert_allclose(
-        np.column_stack([x[0, ::8], y[0, ::8]]), np.array(ends)[:, :2], atol=1e-12
-    )
+    reach = 0.168 + 0.05
+    x, y = path(MANEUVERS, 0.3, np.array([[reach, 1.01, 1.01]]))
+    found = np.column_stack([x[0, ::8], y[0, ::8]])
+    np.testing.assert_allclose(found, np.array(ends)[:, :2], atol=1e-12)
 
 
 def test_the_margin_is_three_and_a_half_deviations_of_slip():
-    omega = np.concatenate([np.zeros((1, 2)), MANEUVERS.speeds(MANEUVERS.duration.sum())]) / 0.06
-    law = ConstantIcr(EXACT.offset, 0.168)
-    rng = np.random.default_rng(0)
+    """Of 150 robots that slip, against one that doesn't."""
+    speeds = MANEUVERS.speeds(MANEUVERS.duration.sum())
+    omega = np.concatenate([np.zeros((1, 2)), speeds]) / 0.06
     slip = (0.004, 0.004, 0.01)
-    known = replace(EXACT, slip=slip)
-    ends = []
+    robot = LawMotion(ConstantIcr(EXACT.offset, 0.168), GEOMETRY, SlipVariation(*slip))
+    rng = np.random.default_rng(0)
+    places = []
     for _ in range(150):
-        moves = LawMotion(law, GEOMETRY, SlipVariation(*slip))
-        motion, _ = moves.drive(omega, RATE, rng)
-        ends.append(motion.pose[:, :2])
-    real = np.array(ends)
-    spread, mean = real.std(axis=0), real.mean(axis=0)
-    exactly = extent(MANEUVERS, 0.0, replace(EXACT, slip=(1e-9, 1e-9, 1e-9)))
-    found = extent(MANEUVERS, 0.0, known)
-    for side, sign in ((1, 1), (0, -1)):
-        margin = sign * (found[side] - exactly[side])
-        real = (sign * mean + 3.5 * spread).max(axis=0) - (sign * mean).max(axis=0)
-        np.testing.assert_allclose(margin, real, rtol=0.2, atol=0.005)
+        motion, _ = robot.drive(omega, RATE, rng)
+        places.append(motion.pose[:, :2])
+    spread = np.std(places, axis=0)
+    mean = np.mean(places, axis=0)
+    least = (1e-9, 1e-9, 1e-9)
+    low, high = extent(MANEUVERS, 0.0, replace(EXACT, slip=slip))
+    exact_low, exact_high = extent(MANEUVERS, 0.0, replace(EXACT, slip=least))
+    margin_above = (mean + 3.5 * spread).max(axis=0) - mean.max(axis=0)
+    margin_below = mean.min(axis=0) - (mean - 3.5 * spread).min(axis=0)
+    np.testing.assert_allclose(high - exact_high, margin_above, rtol=0.2, atol=0.005)
+    np.testing.assert_allclose(exact_low - low, margin_below, rtol=0.2, atol=0.005)
 
 
 @pytest.mark.parametrize("index", [0, 1, 4, 6, 8])
@@ -67,27 +67,29 @@ def test_every_law_that_the_robot_may_have_stays_inside(index):
     """By arcs driven bit by bit, and it would not if the area were the expected law's."""
     known = replace(first_knowledge(GEOMETRY), pull=0.01, slip=(1e-9, 1e-9, 1e-9))
     reach, *scale = known.extremes[index]
-    pose, reached = np.zeros(3), []
+    pose = np.zeros(3)
+    reached = []
     for way in MANEUVERS.distance:
         left, right = way * scale / 20
+        bit = np.array([(left + right) / 2, (right - left) / (2 * reach)])
         for _ in range(20):
-            pose = advance(pose, np.array([(left + right) / 2, (right - left) / (2 * reach)]), 1.0)
+            pose = advance(pose, bit, 1.0)
             reached.append(pose[:2])
-    at = np.array(reached)
-    found = extent(MANEUVERS, 0.0, known)
-    assert (found[0] <= at.min(axis=0) + 1e-3).all()
-    assert (at.max(axis=0) <= found[1] + 1e-3).all()
+    lowest = np.min(reached, axis=0)
+    highest = np.max(reached, axis=0)
+    low, high = extent(MANEUVERS, 0.0, known)
+    assert (low <= lowest + 1e-3).all()
+    assert (highest <= high + 1e-3).all()
     if index:
-        expected = extent(
-            MANEUVERS, 0.0, replace(known, reach_doubt=0.0, radius_doubt=0.0, pull=0.0)
-        )
-        assert (at.min(axis=0) < expected[0]).any() or (at.max(axis=0) > expected[1]).any()
+        certain = replace(known, reach_doubt=0.0, radius_doubt=0.0, pull=0.0)
+        expected_low, expected_high = extent(MANEUVERS, 0.0, certain)
+        assert (lowest < expected_low).any() or (highest > expected_high).any()
 
 
-WAYS = st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4)), min_size=1, max_size=8)
+LISTS_OF_WAYS = st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4)), min_size=1, max_size=8)
 
 
-@given(WAYS, st.floats(0.05, 3.0), st.floats(0.1, 5.0))
+@given(LISTS_OF_WAYS, st.floats(0.05, 3.0), st.floats(0.1, 5.0))
 def test_speeds_and_accelerations_stay_within_the_limits(ways, speed, acceleration):
     limits = DriveLimits(speed, acceleration, (3.0, 3.0), 60.0)
     maneuvers = Maneuvers.of(np.array(ways), limits)
@@ -95,17 +97,19 @@ def test_speeds_and_accelerations_stay_within_the_limits(ways, speed, accelerati
         return
     speeds = maneuvers.speeds(maneuvers.duration.sum() + 1.0)
     assert np.abs(speeds).max() <= speed * (1 + 1e-9)
-    change = np.diff(speeds, axis=0, prepend=np.zeros((1, 2)), append=np.zeros((1, 2)))
+    rest = np.zeros((1, 2))
+    change = np.diff(speeds, axis=0, prepend=rest, append=rest)
     assert np.abs(change).max() * RATE <= acceleration * (1 + 1e-6)
-    np.testing.assert_allclose(speeds.sum(axis=0) / RATE, maneuvers.distance.sum(axis=0), atol=1e-9)
+    distance = speeds.sum(axis=0) / RATE
+    np.testing.assert_allclose(distance, maneuvers.distance.sum(axis=0), atol=1e-9)
     np.testing.assert_array_equal(speeds[-1], 0.0)
 
 
 def test_times_are_those_of_trapezoids_and_triangles():
     straight = Maneuvers.of(np.array([[3.0, 3.0], [0.1, 0.1]]), LIMITS)
-    np.testing.assert_allclose(
-        straight.duration, [3.0 / 0.3 + 0.3 / 0.5, 2 * np.sqrt(0.1 / 0.5)], atol=1 / RATE
-    )
+    trapezoid = 3.0 / 0.3 + 0.3 / 0.5
+    triangle = 2 * np.sqrt(0.1 / 0.5)
+    np.testing.assert_allclose(straight.duration, [trapezoid, triangle], atol=1 / RATE)
     assert (straight.duration >= [10.6, 2 * np.sqrt(0.2)]).all()
 
 
@@ -118,10 +122,12 @@ def test_yaw_rates_are_limited():
 
 @pytest.mark.parametrize("duration", [0.1, 0.5, 1.0, 7.31])
 def test_the_longest_spin_fits_and_none_longer_does(duration):
+    def spin(way):
+        return Maneuvers.of(np.array([[-way, way]]), LIMITS).duration.sum()
+
     way = longest_spin(duration, LIMITS)
-    assert Maneuvers.of(np.array([[-way, way]]), LIMITS).duration.sum() <= duration + 1e-9
-    longer = way + 0.3 / RATE
-    assert Maneuvers.of(np.array([[-longer, longer]]), LIMITS).duration.sum() > duration
+    assert spin(way) <= duration + 1e-9
+    assert spin(way + 0.3 / RATE) > duration
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -41,7 +41,8 @@ def test_it_keeps_to_area_and_limits_and_turns_to_both_sides(plan):
     at = plan.start[:2, None, None] + np.stack([x, y])
     assert np.abs(at).max() < 1.5
     assert np.abs(plan.speeds).max() <= 0.3 + 1e-9
-    assert np.abs(np.diff(plan.speeds, axis=0)).max() * RATE <= 0.5 + 1e-6
+    acceleration = np.diff(plan.speeds, axis=0) * RATE
+    assert np.abs(acceleration).max() <= 0.5 + 1e-6
     assert plan.time[-1] == pytest.approx(40.0)
     np.testing.assert_array_equal(plan.speeds[-1], 0.0)
     np.testing.assert_allclose(plan.omega, plan.speeds / 0.06)
@@ -57,11 +58,12 @@ def test_longer_drives_tell_more_and_smaller_areas_less(plan):
     np.testing.assert_array_equal(again.speeds, plan.speeds)
     longer = plan_drive(GEOMETRY, replace(LIMITS, duration=80.0), SLAM)
     smaller = plan_drive(GEOMETRY, replace(LIMITS, area=(1.0, 1.0)), SLAM)
-    best, other, worst = (
-        planning.largest(one.expectation, plan.sizes) for one in (longer, plan, smaller)
-    )
-    assert best < 0.8 * other
-    assert worst > 1.1 * other
+
+    def largest_error(plan_made):
+        return planning.largest(plan_made.expectation, plan.sizes)
+
+    assert largest_error(longer) < 0.8 * largest_error(plan)
+    assert largest_error(smaller) > 1.1 * largest_error(plan)
 
 
 def test_a_second_round_is_made_for_what_is_left_open(plan, monkeypatch):
@@ -71,18 +73,17 @@ def test_a_second_round_is_made_for_what_is_left_open(plan, monkeypatch):
     model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
     drive = drive_to_measure(plan.maneuvers.speeds(40.0), RATE, SLAM, 0.06)
     first = expected(model, plan.values, [drive], SLAM, plan.knowledge.slip, known)
-    assert planning.largest(second.expectation, plan.sizes) < 0.95 * planning.largest(
-        first, plan.sizes
-    )
+    error_of_first = planning.largest(first, plan.sizes)
+    error_of_second = planning.largest(second.expectation, plan.sizes)
+    assert error_of_second < 0.95 * error_of_first
     assert second.expectation.stderr["offset"] < first.stderr["offset"]  # which is left open
 
 
 def test_laws_of_more_parameters_can_be_planned_for(monkeypatch):
     monkeypatch.setattr(planning, "MAX_EVALUATIONS", 60)  # few drives determine a loss in turns
     found = plan_drive(GEOMETRY, LIMITS, SLAM, PLANNED_LAWS[-1])
-    assert all(
-        0 < found.expectation.stderr[name] < 0.04 * size for name, size in found.sizes.items()
-    )
+    for name, size in found.sizes.items():
+        assert 0 < found.expectation.stderr[name] < 0.04 * size
 
 
 STDERR = {"offset": 2e-4, "radius_error": 9e-4, "sensor_x": 1e-3}
@@ -133,8 +134,11 @@ def test_law_noise_and_covariance(tmp_path):
     before, knowledge = read_identification(written(tmp_path, summary()), "icr_radius")
     assert before.law == ConstantIcr(0.045, 0.168, 0.006)
     assert before.errors.names == ("offset", "radius_error")
-    wide = 0.0018 / 2 / 1.959964  # the interval is wider than the model's
-    expected = np.array([[wide**2, 0.5 * wide * 9e-4], [0.5 * wide * 9e-4, 9e-4**2]])
+    # the interval is wider than the model's standard error says
+    offset_error = 0.0018 / 2 / 1.959964
+    radius_error = 9e-4
+    both = 0.5 * offset_error * radius_error
+    expected = np.array([[offset_error**2, both], [both, radius_error**2]])
     np.testing.assert_allclose(before.errors.covariance, expected, rtol=1e-6)
     assert knowledge.slip == (0.003, 1e-4, 0.004)
     assert knowledge.offset == 0.045
@@ -164,14 +168,13 @@ def test_summaries_that_cannot_be_used(tmp_path, content, message):
 
 
 def test_limits_that_allow_no_drive_are_refused():
-    with pytest.raises(
-        TrackslipError, match=r"duration = 10\.0: must be longer, for a drive within the limits"
-    ):
-        plan_drive(GEOMETRY, replace(LIMITS, max_speed=1e-3, duration=10.0), SLAM)
+    slow = replace(LIMITS, max_speed=1e-3, duration=10.0)
+    said = r"duration = 10\.0: must be longer, for a drive within the limits"
+    with pytest.raises(TrackslipError, match=said):
+        plan_drive(GEOMETRY, slow, SLAM)
+    slippery = replace(first_knowledge(GEOMETRY), slip=(0.5, 0.5, 0.5))
     with pytest.raises(TrackslipError, match="area = '3x3': must be larger"):
-        plan_drive(
-            GEOMETRY, LIMITS, SLAM, knowledge=replace(first_knowledge(GEOMETRY), slip=(0.5,) * 3)
-        )
+        plan_drive(GEOMETRY, LIMITS, SLAM, knowledge=slippery)
 
 
 MODEL = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
@@ -191,40 +194,32 @@ def test_fits_miss_the_law_by_about_what_is_expected(poses):
     speeds = np.tile(SPEEDS, (6, 1))
     drive = drive_to_measure(speeds, READINGS, poses, 0.06)
     stated = expected(MODEL, TRUTH, [drive], poses, SLIP).stderr
-    law = LawMotion(FAMILIES["icr_radius"].law(TRUTH, GEOMETRY), GEOMETRY, SlipVariation(*SLIP))
+    law = FAMILIES["icr_radius"].law(TRUTH, GEOMETRY)
+    robot = LawMotion(law, GEOMETRY, SlipVariation(*SLIP))
+    omega = np.concatenate([speeds[:1], speeds]) / 0.06
+    pose_noise = [poses.position, poses.position, poses.heading or np.nan]
     missed = []
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        motion, _ = law.drive(np.concatenate([speeds[:1], speeds]) / 0.06, READINGS, rng)
-        noise = rng.normal(size=drive.pose.shape) * [
-            poses.position,
-            poses.position,
-            poses.heading or np.nan,
-        ]
-        fit = fit_drives(
-            "icr_radius", [replace(drive, pose=motion.at(drive.time) + noise)], GEOMETRY
-        )
-        missed.append(
-            [
-                (value - true) / stated[name]
-                for (name, value), true in zip(fit.values.items(), TRUTH, strict=True)
-            ]
-        )
+        motion, _ = robot.drive(omega, READINGS, rng)
+        noise = rng.normal(size=drive.pose.shape) * pose_noise
+        driven = replace(drive, pose=motion.at(drive.time) + noise)
+        fit = fit_drives("icr_radius", [driven], GEOMETRY)
+        assert tuple(fit.values) == ("offset", "radius_error")
+        errors = np.array(list(fit.values.values())) - TRUTH
+        missed.append(errors / [stated["offset"], stated["radius_error"]])
     ratio = np.sqrt(np.mean(np.square(missed), axis=0))
     assert ((ratio > 0.55) & (ratio < 1.5)).all()  # within two standard errors
 
 
 def test_what_the_driving_does_not_tell_is_held():
-    straight = np.full((400, 2), 0.3)
-    found = expected(
-        MODEL, TRUTH, [drive_to_measure(straight, READINGS, COARSE, 0.06)], COARSE, SLIP
-    )
+    straight = drive_to_measure(np.full((400, 2), 0.3), READINGS, COARSE, 0.06)
+    found = expected(MODEL, TRUTH, [straight], COARSE, SLIP)
     assert "offset" in found.undetermined
     assert "radius_error" in found.stderr
-    without = PoseQuality(5.0, 0.05, None)
-    found = expected(
-        MODEL, TRUTH, [drive_to_measure(SPEEDS, READINGS, without, 0.06)], without, SLIP
-    )
+    without_headings = PoseQuality(5.0, 0.05, None)
+    drive = drive_to_measure(SPEEDS, READINGS, without_headings, 0.06)
+    found = expected(MODEL, TRUTH, [drive], without_headings, SLIP)
     assert "sensor_yaw" in found.undetermined
 
 
@@ -240,4 +235,5 @@ def test_information_from_before_adds_up():
     for name in known.names:
         assert 0.5 * alone.stderr[name] < both.stderr[name] < 0.8 * alone.stderr[name]
     certain = LawErrors(("offset", "radius_error"), 1e-12 * np.eye(2))
-    assert expected(MODEL, TRUTH, [drive], COARSE, SLIP, certain).stderr["offset"] < 1.1e-6
+    found = expected(MODEL, TRUTH, [drive], COARSE, SLIP, certain)
+    assert found.stderr["offset"] < 1.1e-6

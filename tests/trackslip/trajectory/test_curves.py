@@ -20,6 +20,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 def driven(reference, n=2001):
+    """Poses (n, 3) and twists (n, 2) of a reference."""
     time = np.linspace(0, reference.duration, n)
     return reference.pose(time), reference.twist(time)
 
@@ -40,7 +41,8 @@ def test_figure_eight_is_bernoullis_lemniscate():
 
 
 def test_slalom_is_a_sine():
-    x, y, phi = driven(slalom(ORIGIN))[0].T
+    pose, _ = driven(slalom(ORIGIN))
+    x, y, phi = pose.T
     np.testing.assert_allclose(y, 0.25 * (1 - np.cos(np.pi * x)), atol=1e-11)
     np.testing.assert_allclose(np.tan(phi), 0.25 * np.pi * np.sin(np.pi * x), atol=1e-10)
     assert x[-1] == pytest.approx(4.0, abs=1e-11)
@@ -48,10 +50,13 @@ def test_slalom_is_a_sine():
 
 def test_spiral_is_archimedes():
     """The distance to the centre falls evenly with the angle about it."""
-    outer, inner, turns = 1.2, 0.45, 1.5
+    outer = 1.2
+    inner = 0.45
+    turns = 1.5
     shrinkage = (outer - inner) / (2 * np.pi * turns)
     heading = np.pi / 2 + np.arctan(shrinkage / outer)
-    x, y, phi = driven(spiral((outer, 0, heading)))[0].T
+    pose, _ = driven(spiral((outer, 0, heading)))
+    x, y, phi = pose.T
     angle = np.unwrap(np.arctan2(y, x))
     np.testing.assert_allclose(np.hypot(x, y), outer - shrinkage * angle, atol=1e-11)
     assert angle[-1] == pytest.approx(2 * np.pi * turns, abs=1e-10)
@@ -60,40 +65,52 @@ def test_spiral_is_archimedes():
 
 @pytest.mark.parametrize("sharpness", [1.5, -0.4])
 def test_clothoid_is_fresnels(sharpness):
-    path = ClothoidPath(ORIGIN, [PathPiece(2.3, 0.0, 2.3 * sharpness)])
-    s = np.linspace(0, 2.3, 301)
+    """x = scale C(s / scale), y = +/- scale S(s / scale), with scale = sqrt(pi / |sharpness|)."""
+    length = 2.3
+    path = ClothoidPath(ORIGIN, [PathPiece(length, 0.0, length * sharpness)])
+    s = np.linspace(0, length, 301)
     scale = np.sqrt(np.pi / abs(sharpness))
     sine, cosine = fresnel(s / scale)
-    expected = np.column_stack(
-        [scale * cosine, np.sign(sharpness) * scale * sine, sharpness * s**2 / 2]
-    )
-    np.testing.assert_allclose(path.pose(s), expected, atol=1e-13)
+    x = scale * cosine
+    y = np.sign(sharpness) * scale * sine
+    heading = sharpness * s**2 / 2
+    np.testing.assert_allclose(path.pose(s), np.column_stack([x, y, heading]), atol=1e-13)
     np.testing.assert_allclose(path.curvature(s), sharpness * s, atol=1e-13)
+
+
+SPEED = 0.2
+ACCELERATION = 0.05
 
 
 @pytest.mark.parametrize(
     ("length", "duration"),
-    [(3.0, 3.0 / 0.2 + 0.2 / 0.05), *((way, 2 * np.sqrt(way / 0.05)) for way in (0.01, 0.3))],
+    [
+        pytest.param(3.0, 3.0 / SPEED + SPEED / ACCELERATION, id="trapezium"),
+        pytest.param(0.01, 2 * np.sqrt(0.01 / ACCELERATION), id="short triangle"),
+        pytest.param(0.3, 2 * np.sqrt(0.3 / ACCELERATION), id="triangle"),
+    ],
 )
 def test_a_straight_takes_a_trapezium_or_triangle_of_speed(length, duration):
-    reference = ProfiledReference(
-        ClothoidPath(ORIGIN, [PathPiece(length)]), MotionLimits(speed=0.2, acceleration=0.05)
-    )
+    path = ClothoidPath(ORIGIN, [PathPiece(length)])
+    reference = ProfiledReference(path, MotionLimits(speed=SPEED, acceleration=ACCELERATION))
     assert reference.duration == pytest.approx(duration, rel=1e-3)
-    np.testing.assert_allclose(reference.twist(duration / 9), [0.05 * duration / 9, 0.0], rtol=1e-6)
+    early = duration / 9
+    np.testing.assert_allclose(reference.twist(early), [ACCELERATION * early, 0.0], rtol=1e-6)
 
 
 def test_it_brakes_before_a_corner_and_speeds_up_after_it():
-    limits, reference = LIMITS, rounded_square(ORIGIN)
+    limits = LIMITS
+    reference = rounded_square(ORIGIN)
     v, w = reference.twist(reference.knots).T
     in_corner = np.abs(w) > 0
     np.testing.assert_allclose(v[in_corner], 0.12, atol=1e-9)
     assert v[~in_corner].max() == pytest.approx(0.15)
     # nowhere could it be quicker: it always accelerates, brakes, or is at a limit
     acceleration = np.abs(np.diff(v) / np.diff(reference.knots))
-    at_limit = np.isclose(v, limits.speed_at(np.where(in_corner, 2.5, 0.0)))
-    busy = np.isclose(acceleration, limits.acceleration, rtol=1e-6)
-    idle = ~busy & ~(at_limit[1:] & at_limit[:-1])
+    curvature = np.where(in_corner, 2.5, 0.0)
+    at_limit = np.isclose(v, limits.speed_at(curvature))
+    changes = np.isclose(acceleration, limits.acceleration, rtol=1e-6)
+    idle = ~changes & ~(at_limit[1:] & at_limit[:-1])
     assert idle.sum() <= 3 * 5 + 4  # cells in which it changes from one to the other
 
 
@@ -113,8 +130,11 @@ MADE = {
     "hasty waypoints": waypoints(POINTS, HASTY),
 }
 EVERY = {name: make() for name, make in REFERENCES.items()} | MADE
-LIMITED = {name: LIMITS for name in REFERENCES if name != "circle"} | {"waypoints": LIMITS}
-LIMITED |= {name: HASTY for name in MADE if name.startswith("hasty")}
+LIMITED = (
+    {name: LIMITS for name in REFERENCES if name != "circle"}
+    | {"waypoints": LIMITS}
+    | {name: HASTY for name in MADE if name.startswith("hasty")}
+)
 
 
 def test_the_papers_path_is_the_one_in_words():
@@ -147,16 +167,22 @@ def test_it_stands_before_and_after(name):
 
 @pytest.mark.parametrize("name", LIMITED)
 def test_it_starts_and_ends_at_rest_and_within_its_limits(name):
-    reference, limits = EVERY[name], LIMITED[name]
+    reference = EVERY[name]
+    limits = LIMITED[name]
+    knots = reference.knots
     time = times(reference)
-    time = np.concatenate([time, (time[1:] + time[:-1]) / 2, np.nextafter(reference.knots, 0)])
-    v, w = reference.twist(np.sort(time)).T
+    middles = (time[1:] + time[:-1]) / 2
+    before_knots = np.nextafter(knots, 0)
+    v, w = reference.twist(np.sort(np.concatenate([time, middles, before_knots]))).T
     slack = 1 + 1e-6
     assert np.abs(v).max() <= limits.speed * slack
     assert np.abs(w).max() <= limits.yaw_rate * slack
-    assert (np.abs(v) + limits.half_gauge * np.abs(w)).max() <= limits.track_speed * slack
-    knots = reference.knots
-    at = knots[:-1] + np.diff(knots) * np.array([[0.25], [0.75]])
-    acceleration = np.diff(reference.twist(at)[..., 0], axis=0)[0] / (np.diff(knots) / 2)
+    faster_track = np.abs(v) + limits.half_gauge * np.abs(w)
+    assert faster_track.max() <= limits.track_speed * slack
+    # speeds at a quarter and three quarters of each cell
+    cell = np.diff(knots)
+    first = reference.twist(knots[:-1] + 0.25 * cell)[:, 0]
+    second = reference.twist(knots[:-1] + 0.75 * cell)[:, 0]
+    acceleration = (second - first) / (cell / 2)
     assert np.abs(acceleration).max() <= limits.acceleration * (1 + 1e-5)
     np.testing.assert_allclose(reference.twist([1e-9, reference.duration - 1e-9]), 0, atol=1e-8)

@@ -7,7 +7,7 @@ from quadrature import integral_miss, times
 from trackslip.errors import InvalidValueError, ReferenceFileError
 from trackslip.trajectory.named import load_reference, named_reference
 from trackslip.trajectory.path import KNOT_SPACING, LIMITS
-from trackslip.trajectory.waypoints import read_waypoints, waypoints
+from trackslip.trajectory.waypoints import TOLERANCE, read_waypoints, waypoints
 
 POINTS = np.array([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)])
 
@@ -33,8 +33,13 @@ def nearest(reference, points):
     times, squared.
     """
     time = np.linspace(0, reference.duration, 40_001)
-    xy = reference.pose(time)[:, :2]
-    return np.array([np.hypot(*(xy - point).T).min() for point in points])
+    return np.array([distances(reference, time, point).min() for point in points])
+
+
+def distances(reference, time, point):
+    """Distances (T,) of a reference to a point (2,)."""
+    x, y, _ = reference.pose(time).T
+    return np.hypot(x - point[0], y - point[1])
 
 
 def test_the_path_meets_all_points_with_continuous_curvature():
@@ -43,9 +48,8 @@ def test_the_path_meets_all_points_with_continuous_curvature():
     pose = reference.pose([0.0, reference.duration])
     np.testing.assert_allclose(pose[:, :2], POINTS[[0, -1]], atol=1e-12)
     knots = reference.knots[1:-1]
-    np.testing.assert_allclose(
-        reference.twist(np.nextafter(knots, 0)), reference.twist(knots), atol=1e-10
-    )
+    before = reference.twist(np.nextafter(knots, 0))
+    np.testing.assert_allclose(before, reference.twist(knots), atol=1e-10)
     v, w = reference.twist([1e-3, reference.duration - 1e-3]).T
     np.testing.assert_allclose(w / v, 0, atol=1e-3)
 
@@ -78,25 +82,31 @@ def test_headings_say_where_it_reverses_and_speeds_how_fast():
     direction = np.sign(v[np.abs(v) > 0.05])
     assert np.count_nonzero(np.diff(direction)) == 2
     assert np.abs(w).max() == pytest.approx(0.1, rel=0.05)  # arcs of 1 m
-    assert np.ptp(reference.pose(time)[:, 2]) == pytest.approx(np.pi / 2, abs=1e-3)
+    heading = reference.pose(time)[:, 2]
+    assert np.ptp(heading) == pytest.approx(np.pi / 2, abs=1e-3)
     ends = reference.pose([0.0, reference.duration])[:, :2]
     np.testing.assert_allclose(ends, points[[0, -1]], atol=1e-12)
-    assert waypoints([(0, 0), (-1, 0), (-2, 0)], yaw=np.zeros(3)).pose(0.0)[2] == pytest.approx(0)
+    backwards = waypoints([(0, 0), (-1, 0), (-2, 0)], yaw=np.zeros(3))
+    assert backwards.pose(0.0)[2] == pytest.approx(0)
 
 
 def _turned(angle):
-    return np.array(
-        [[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
-    )
+    """Matrix (3, 3) that turns rows (x, y, phi) by an angle, but not their phi."""
+    cos = np.cos(angle)
+    sin = np.sin(angle)
+    return np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
 
 
 def test_speeds_brake_evenly_towards_a_waypoint():
     reference = waypoints([(0, 0), (1, 0), (2, 0)], speed=[0.1, 0.05, 0.1])
     time = np.linspace(0, reference.duration, 20_001)
-    x, v = reference.pose(time)[:, 0], reference.twist(time)[:, 0]
+    x = reference.pose(time)[:, 0]
+    v = reference.twist(time)[:, 0]
+    # v^2 changes evenly with the distance from the waypoint at 1 m
     growth = 0.1**2 - 0.05**2
     inside = (x > 0.2) & (x < 1.8)  # where it neither starts nor stops
-    below = 0.05**2 + growth * np.abs(x - 1)[inside] - v[inside] ** 2
+    even = 0.05**2 + growth * np.abs(x - 1)
+    below = (even - v**2)[inside]
     assert below.min() > -1e-9
     # a cell has the speed of its slower end, and so has a knot of its cells
     assert below.max() < growth * 2 * KNOT_SPACING
@@ -111,13 +121,14 @@ def test_any_points_give_a_drivable_reference_or_are_refused(points):
         event("refused")
         return
     assert integral_miss(reference) < 1e-9
-    v, w = reference.twist(times(reference)).T
+    time = times(reference)
+    v, w = reference.twist(time).T
+    slack = 1 + 1e-3
     assert v.max() <= LIMITS.speed + 1e-9
-    assert np.abs(w).max() <= LIMITS.yaw_rate * (1 + 1e-3)
-    assert (v + LIMITS.half_gauge * np.abs(w)).max() <= LIMITS.track_speed * (1 + 1e-3)
-    time, xy = times(reference), np.array(points)
-    ways = reference.pose(time)[:, :2]
-    assert max(np.hypot(*(ways - point).T).min() for point in xy) < 0.01
+    assert np.abs(w).max() <= LIMITS.yaw_rate * slack
+    faster_track = v + LIMITS.half_gauge * np.abs(w)
+    assert faster_track.max() <= LIMITS.track_speed * slack
+    assert max(distances(reference, time, point).min() for point in points) < TOLERANCE + 0.01
 
 
 @pytest.mark.parametrize(
@@ -129,13 +140,13 @@ def test_any_points_give_a_drivable_reference_or_are_refused(points):
     ],
 )
 def test_files_are_spelt_as_those_of_logs(csv, content):
-    reference, expected = read_waypoints(csv(content)), waypoints([(0, 0), (1, 0.5), (2, 0)])
-    np.testing.assert_array_equal(reference.pose([0.0, 5.0, 9.0]), expected.pose([0.0, 5.0, 9.0]))
-    assert (
-        load_reference(csv(content)).duration
-        == load_reference(str(csv(content))).duration
-        == expected.duration
-    )
+    path = csv(content)
+    reference = read_waypoints(path)
+    expected = waypoints([(0, 0), (1, 0.5), (2, 0)])
+    time = [0.0, 5.0, 9.0]
+    np.testing.assert_array_equal(reference.pose(time), expected.pose(time))
+    assert load_reference(path).duration == expected.duration
+    assert load_reference(str(path)).duration == expected.duration
 
 
 @pytest.mark.parametrize(
@@ -168,9 +179,8 @@ def test_missing_files_and_unknown_names_are_refused(tmp_path):
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(ReferenceFileError, match="directory"):
         load_reference(tmp_path / "folder.csv")
-    with pytest.raises(
-        InvalidValueError,
-        match=r"'figure_8': must be one of paper, circle, .*stop_and_go, or a \.csv",
-    ):
+    said = r"'figure_8': must be one of paper, circle, .*stop_and_go, or a \.csv"
+    with pytest.raises(InvalidValueError, match=said):
         load_reference("figure_8")
-    np.testing.assert_array_equal(named_reference("slalom", (1, 2, 0.5)).pose(0.0), [1, 2, 0.5])
+    elsewhere = named_reference("slalom", (1, 2, 0.5))
+    np.testing.assert_array_equal(elsewhere.pose(0.0), [1, 2, 0.5])

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import scipy
 
-from experiments.common.lookup import reference as load_reference
+from experiments.common.paths import path_of
 from trackslip import se2
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, track_slip
@@ -14,7 +14,6 @@ from trackslip.logs.runlog import MALFORMED, RunLog, stored_geometry
 from trackslip.metrics import body_errors
 from trackslip.motion.steady_twist import even_poses
 from trackslip.trajectory.base import Reference
-from trackslip.trajectory.segmented import circle
 
 _MIN_SPROCKET_SPEED: Final = 0.3  # sprocket speed below which slip is mostly noise [rad/s]
 _DEGREE: Final = 4  # degree of the polynomials that smooth poses, after Savitzky and Golay
@@ -61,10 +60,8 @@ class Traces:
 
 def reference_of(log: RunLog) -> Reference | None:
     """The reference of a run; None if the log names none, or one that does not exist any more."""
-    name = log.metadata.get("reference")
-    arc = log.metadata.get("circle")
     with contextlib.suppress(*MALFORMED):
-        return circle(**arc) if arc else load_reference(str(name))
+        return path_of(log.metadata)
     return None
 
 
