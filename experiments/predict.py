@@ -5,9 +5,11 @@ distances measured by hand.
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
-from experiments.common.choices import SHIPPED
+import tyro
+
+from experiments.common.choices import GROUNDS, SHIPPED
 from experiments.common.options import (
     Bound,
     Distinct,
@@ -20,6 +22,7 @@ from experiments.common.options import (
     default_is,
 )
 from experiments.common.run import Run
+from experiments.common.soil import OnSoil
 from experiments.common.table import Table
 from experiments.simulate.options import (
     MAX_RADIUS,
@@ -28,7 +31,7 @@ from experiments.simulate.options import (
     RADIUS_ERROR,
     RobotSource,
 )
-from sim.ground.ground import MAX_FRICTION, Ground
+from sim.ground.ground import MAX_FRICTION, Ground, load_ground
 from sim.ground.pull import MAX_FORCE, Pull
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
@@ -44,6 +47,10 @@ EXAMPLES: Final = (
     (
         "uphill on ground that shears",
         "trackslip predict --shear 0.01 --slope 0.17 --out out/shearing",
+    ),
+    (
+        "soft soil: sinkage, and the drawbar pull over slip",
+        "trackslip predict --ground dry_sand --out out/soft",
     ),
     (
         "turns counted by hand: 10 by odometry to each side, 7.9 and 8.1 really",
@@ -84,6 +91,7 @@ _ROBOTS: Final = default_is("the robot's", "FLOAT")
 
 _OF_THEORY: Final = (
     "contact_length",
+    "ground",
     "friction_ratio",
     "friction",
     "shear",
@@ -149,6 +157,13 @@ class Config(ResultsOptions):
     """Half the distance between the tracks [m]."""
     contact_length: Annotated[float | None, Positive(100.0), _ROBOTS] = None
     """Length of a track on the ground [m]."""
+    ground: Annotated[
+        str | None,
+        tyro.conf.arg(metavar=GROUNDS, help_behavior_hint="(default: the robot's, else stone)"),
+    ] = None
+    """Ground that supplies the values not given below; on soft soil, sinkage and the drawbar pull
+    over slip are computed as well.
+    """
     friction_ratio: Annotated[float | None, Within(MIN_FRICTION_RATIO, 100.0), _ROBOTS] = None
     """Friction across the track over friction along it; without a load, slip depends on no other
     friction [-].
@@ -217,6 +232,16 @@ def run(config: Config) -> None:
         return
     robot, ground, load = predicted_world(config)
     contact = robot.contact_theory(ground.along, ground.across)
+    about_soil: dict[str, Any] = {}
+    if ground.soil is not None:
+        on_soil = OnSoil(robot, ground.soil, load)
+        curve = on_soil.curve()
+        about_soil = on_soil.summary(curve)
+        on_soil.print(curve)
+        if math.isnan(on_soil.slip()):
+            _write(config, about_soil)
+            return
+        contact, load = on_soil.turning()
     turns = steady_turns(config.radii, contact, ground.shear, load)
     speed_ahead, *_ = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)
 
@@ -238,10 +263,10 @@ def run(config: Config) -> None:
         "straight_slip": straight,
         "shear": ground.shear,
         "load": load,
-        "friction": [ground.along, ground.across],
+        "friction": [contact.along, contact.across],
+        **about_soil,
     }
-    with Run(config) as run:
-        run.write(summary)
+    _write(config, summary)
 
     varies = ground.shear > 0 or config.slope != 0 or config.pull != 0
     rows = [
@@ -255,6 +280,12 @@ def run(config: Config) -> None:
     Table(title, _HEADER[:columns], [row[:columns] for row in rows]).print()
     mean = "mean " if varies else ""
     print(f"{mean}D = {1e3 * law['offset']:.2f} mm; use it with --laws {config.out}")
+
+
+def _write(config: Config, summary: dict[str, Any]) -> None:
+    """Store the results."""
+    with Run(config) as run:
+        run.write(summary)
 
 
 def _turn_row(radius: float, slip: Array, offset: float, icr: Array) -> tuple[str, ...]:
@@ -380,16 +411,23 @@ def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
             f"Note: com_y = {robot.com_y:g} m of {config.robot} is left out: the law is one for "
             "turns to both sides."
         )
-    ground.require_even("the ground of --robot is even and level here, and --slope tilts it")
+    if config.ground is not None:
+        ground = load_ground(config.ground)
+    ground.require_even("the ground is even and level here, and --slope tilts it")
     options = ("half_gauge", "com_x", "sprocket_radius", "radius_error")
     values = {name: getattr(config, name) for name in options}
     given = {name: value for name, value in values.items() if value is not None}
     robot = replace(robot, com_y=0.0, **given)
     if config.contact_length is not None:
         robot = robot.with_contact_length(config.contact_length)
+    weight = robot.mass * _GRAVITY
+    load = Load(config.slope, config.uphill, config.pull / weight, config.pull_height)
+    if ground.soil is not None:
+        for name in ("friction", "friction_ratio", "shear"):
+            value = getattr(config, name)
+            require(value is None, name, value, "left out: the soil of the ground has its own")
+        return robot, ground, load
     along = ground.along if config.friction is None else config.friction
     ratio = ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
     shear = ground.shear if config.shear is None else config.shear
-    weight = robot.mass * _GRAVITY
-    load = Load(config.slope, config.uphill, config.pull / weight, config.pull_height)
     return robot, Ground(along, ratio * along, shear=shear), load

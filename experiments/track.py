@@ -33,6 +33,7 @@ from experiments.simulate.grid_summary import (
     LocalizationErrors,
     saturation_warnings,
     simulated_seconds,
+    soil_warnings,
 )
 from experiments.simulate.motors import without_motors
 from experiments.simulate.paths import PathSummary, WaypointOptions
@@ -171,7 +172,7 @@ def run(config: Config) -> None:
         manifest = run.manifest(**world.about)
         run.write(summary, logs, simulated_seconds(logs), manifest)
         late = steps.warning(config.controller, config.scanner.period)
-        warnings = [*about_path.warnings(plan), *saturation_warnings(logs)]
+        warnings = [*about_path.warnings(plan), *saturation_warnings(logs), *soil_warnings(logs)]
         warnings += [late] if late else []
         notes = without_motors(config.robot, world.drive)
         page = _page(config, logs[0], results[0], poses, warnings, notes, manifest)

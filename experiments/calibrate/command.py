@@ -30,6 +30,7 @@ def run(config: Config) -> None:
     with Run(config) as run:
         base = first_candidate(config.robot, config.ground, config.sensor, config.clock_offset)
         base.ground.require_even("robots are calibrated on even, level ground")
+        base.ground.require_firm("parameters of soil are not fitted")
         target = read_target(config.target, config, base)
         if not isinstance(target, Drives):
             allowed = "left out: only drives have a clock, not turns or steady samples"

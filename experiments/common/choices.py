@@ -36,6 +36,7 @@ references.
 GROUND_NAMES: Final = (
     *("stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky"),
     *("firm_sand", "loose_sand", "clay", "snow", "asphalt", "grass", "ice"),
+    *("dry_sand", "lete_sand", "upland_loam", "soft_snow", "regolith"),
 )
 """Names of the grounds in sim.ground."""
 ROBOT_NAMES: Final = (SHIPPED := "shipped", "rescue", "box", "husky", "warthog", "maxxii")

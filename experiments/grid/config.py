@@ -7,7 +7,6 @@ from typing import Annotated, ClassVar, Final
 
 import tyro
 
-from experiments.common.choices import GROUNDS
 from experiments.common.options import Distinct, Excludes, Exclusion, Needs, Whole, default_is
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.options import MAX_JOBS
@@ -55,9 +54,9 @@ class Config(GridConfig):
     An interrupted grid resumes when it is run again; finished runs are not driven again.
     """
 
-    grounds: Annotated[
-        tuple[str, ...] | None, Distinct(), default_is("--ground", f"{GROUNDS} ...")
-    ] = None
+    grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("--ground", "GROUND ...")] = (
+        None
+    )
     """Grounds to drive on, by name or .toml file."""
     seeds: Annotated[tuple[int, ...] | None, Distinct(), default_is("--seed", "INT ...")] = None
     """Seeds; every run is driven once with each seed."""

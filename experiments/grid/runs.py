@@ -11,7 +11,7 @@ import numpy as np
 from experiments.common.sweep import Row
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_runs import drive_cells
-from experiments.simulate.grid_summary import LocalizationErrors, saturation_of
+from experiments.simulate.grid_summary import LocalizationErrors, saturation_of, soil_warnings
 from sim.runs.loop import Progress
 from sim.runs.stopwatch import Stopwatch
 from trackslip.errors import LogError
@@ -76,6 +76,8 @@ class GridRuns:
             reason = str(error).removeprefix(f"run {run.name!r}: ")
             row = dict.fromkeys(_SAMPLED)
             row["note"] = f"run {run.name!r} left out: {reason}"
+        notes = [] if row["note"] is None else [row["note"]]
+        row["note"] = "; ".join([*notes, *soil_warnings([log])]) or None
         errors = LocalizationErrors.of([log])
         row |= {name: getattr(errors, name) for name in _POSES}
         return row | _of_motors(log)

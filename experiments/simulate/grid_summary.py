@@ -9,7 +9,13 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
-from sim.runs.run_recorder import SATURATION, TOP_SPEED_SHARE, Saturation
+from sim.runs.run_recorder import (
+    SATURATION,
+    SINKING,
+    TOP_SPEED_SHARE,
+    Saturation,
+    Sinking,
+)
 from trackslip.identification.samples import SlipSamples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.exponential import PUBLISHED
@@ -206,6 +212,16 @@ def saturation_of(log: RunLog) -> Saturation | None:
     """The motor of a run that was at its limit for longer; None if none was."""
     known = log.metadata.get(SATURATION)
     return None if known is None else Saturation(**known)
+
+
+def soil_warnings(logs: Sequence[RunLog]) -> list[str]:
+    """Lines for runs in soft soil in which the robot was immobilised, or tilted in its ruts."""
+    lines = []
+    for log in logs:
+        known = log.metadata.get(SINKING)
+        if known is not None:
+            lines += [f"run {log.run!r}: {note}" for note in Sinking(**known).notes]
+    return lines
 
 
 def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:

@@ -9,7 +9,6 @@ import tyro
 from experiments.common.choices import (
     COMPENSATIONS,
     FTR_NAMES,
-    GROUNDS,
     REFERENCES,
     ROBOTS,
     TRAINING_PATHS,
@@ -90,7 +89,7 @@ class Config(ResultsOptions):
         tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{REFERENCES} ...")
     ] = TRAINING_PATHS
     """Paths to train on; each episode draws one."""
-    grounds: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{GROUNDS} ...")] = (
+    grounds: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar="GROUND ...")] = (
         "stone",
     )
     """Grounds to train on; each episode draws one."""

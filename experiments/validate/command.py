@@ -56,6 +56,7 @@ def run(config: Config) -> None:
         ground = load_ground(config.ground.source)
     ground = config.ground.changed(ground)
     ground.require_even("the checks are for even ground, and tilt it themselves")
+    ground.require_firm("the checks are for firm ground; `trackslip predict` has soft soil")
     setup = Setup(parameters, ground, config.threads)
     checks = Checks(Path(config.robot).stem, setup)
     with Run(config) as run:

@@ -14,10 +14,11 @@ from sim.engine.simulations import Simulations, steps_in
 from sim.fleet.ground import EVERYONE, FleetGround, Rows, one_each, require_at_rest
 from sim.ground.ground import Ground
 from sim.ground.pull import Pull
+from sim.ground.ruts import Ruts
 from sim.ground.shear import Shear
 from sim.motors.motor import Drive, or_tireless
 from sim.motors.sprockets import Forecast, Sprockets
-from sim.robot.parameters import MAX_RADIUS_ERROR, SINK
+from sim.robot.parameters import MAX_RADIUS_ERROR, SINK, TRACKS
 from sim.robot.robot import Robot
 from trackslip import se2
 from trackslip.arguments import checks_arguments
@@ -58,6 +59,7 @@ class Fleet(Simulations):
         threads: int = 0,
         pull: Pull | None = None,
         shears: bool = False,
+        sinks: bool = False,
     ) -> None:
         """Place N robots at rest at poses `start` (N, 3) [m, m, rad].
 
@@ -66,7 +68,8 @@ class Fleet(Simulations):
         `drive`, by default the robot's; the torque of a robot without one is unlimited. All robots
         tow the same `pull`. `threads` is the number of worker threads, 0
         for one per processor. If a ground shears, or if `shears` announces that a later one may,
-        pads touch the ground at one point each instead of two.
+        pads touch the ground at one point each instead of two. If a ground is soft, or if `sinks`
+        announces that a later one may be, robots leave ruts.
 
         Raises:
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on
@@ -78,9 +81,15 @@ class Fleet(Simulations):
         valid = are_poses and np.isfinite(start).all()
         require(valid, "start", start.tolist(), "N finite poses (x, y, phi)")
         grounds = one_each(ground or Ground(), len(start))
-        shears = shears or any(each.largest_shear > 0 for each in grounds)
+        sinks = sinks or any(each.soil is not None for each in grounds)
+        shears = shears or sinks or any(each.largest_shear > 0 for each in grounds)
         if shears:
             robot = robot.with_single_contacts()
+        if sinks:
+            contact = robot.parameters.contact
+            allowed = f'"{TRACKS}" on soft soil, which is not simulated under wheels'
+            require(contact == TRACKS, "robot.contact", contact, allowed)
+            robot = robot.with_movable_ground()
         super().__init__(robot.model, len(start), threads)
         self.robot = robot
 
@@ -115,7 +124,9 @@ class Fleet(Simulations):
 
         self.shear = _new_shear(robot, self.size, drive) if shears else None
         """Shear of the ground under the robots; None for fleets that stay on Coulomb ground."""
-        self._ground = FleetGround(self.batch, robot, grounds, self.shear)
+        self.ruts = _new_ruts(robot, self.size, drive) if sinks else None
+        """Ruts of the robots in soft soil; None for fleets that stay on firm ground."""
+        self._ground = FleetGround(self.batch, robot, grounds, self.shear, self.ruts)
         self.sensed: Array = np.zeros((self.size, robot.model.nsensordata))
         """Means of the engine's sensor data (N, S) over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
@@ -272,6 +283,8 @@ class Fleet(Simulations):
         """
         speeds = np.concatenate([self.drive.omega[None], omega])
         forecast = Forecast(speeds, omega, omega[-1] - self.drive.set_point)
+        if self.ruts is not None:
+            self.ruts.mark()
         traction = self._run(EVERYONE, omega)
         self.drive.accept(forecast, self.drive.torque_for(forecast, traction))
 
@@ -293,13 +306,14 @@ class Fleet(Simulations):
         for k in range(0, len(mean), periods_at_once):
             if varies:
                 self._lay_friction(rows)
-            if is_towed:
+            if is_towed or self.ruts is not None:
                 self._tow(rows)
             self._set_belts(rows, belts[k])
             parts.append(self._roll(rows, periods_at_once))
             if before is not None:
                 after = self._places(rows)
-                self._ground.moved(rows, before, after, track_speeds[k])
+                pose = None if self.ruts is None else self._stance(rows)
+                self._ground.moved(rows, before, after, pose, track_speeds[k])
                 before = after
 
         # an entry per servo period: sensor data of its steps, and the chassis' x axis, which the
@@ -380,19 +394,27 @@ class Fleet(Simulations):
         self._ground.lay(rows, self._run_time(), self.state.qpos[:, :2], self.state.heading)
 
     def _tow(self, rows: Rows) -> None:
-        """Apply the pull to the robots `rows` (R,), along their headings halfway through the next
-        period.
+        """Apply the pull, and the resistance of soft soil, to the robots `rows` (R,), along their
+        headings halfway through the next period.
         """
         heading = self.state.heading[rows] + self.state.qvel[rows, 5] * self.period / 2
         cos = np.cos(heading)
         sin = np.sin(heading)
         force = self._present_pull(rows)
-        pull = [-force * cos, -force * sin, np.zeros_like(force)]
 
         # moments of the pull at the hitch about the centre of mass
         centre = self._ground.centre_of_mass(rows)
         pitch = force * (centre[..., 2] - self.pull.height)
         yaw = -force * centre[..., 1]
+
+        # and of the resistance at the bottom of each track
+        if self.ruts is not None:
+            left, right = self.ruts.resistance[rows].T
+            half_gauge = self.robot.geometry.half_gauge
+            force = force - (left + right)
+            pitch = pitch - (left + right) * centre[..., 2]
+            yaw = yaw + (left + right) * centre[..., 1] + (right - left) * half_gauge
+        pull = [-force * cos, -force * sin, np.zeros_like(force)]
         moment = [-pitch * sin, pitch * cos, yaw]
         self._wrench[rows] = np.stack(pull + moment, axis=-1)
 
@@ -402,11 +424,16 @@ class Fleet(Simulations):
         return np.where(has_begun, self.pull.force, 0.0)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
+        if self.ruts is not None:
+            self.ruts.mark()
         return tuple(part[rows].copy() for part in self._parts())
 
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
         for part, values in zip(self._parts(), snapshot, strict=True):
             part[rows] = values
+        if self.ruts is not None:
+            self.ruts.undo(rows)
+            self._ground.press(rows, self._stance(rows))
         self._ground.share(rows)
 
     def _parts(self) -> tuple[Array, ...]:
@@ -414,7 +441,8 @@ class Fleet(Simulations):
         first axis.
         """
         sheared = () if self.shear is None else self.shear.by_robot
-        return self.batch.state, self._heading, *sheared
+        pressed = () if self.ruts is None else self.ruts.by_robot
+        return self.batch.state, self._heading, *sheared, *pressed
 
     def _unwrap(self, rows: Rows, passed: Array) -> None:
         """Unwrap the headings of the robots `rows` (R,), whose values since the last call were
@@ -436,13 +464,39 @@ class Fleet(Simulations):
         place[3] = 2 * (w * z + x * y)
         return place[:, rows]
 
+    def _stance(self, rows: Rows) -> Array:
+        """Poses (R, 7) of the robots `rows` (R,) in soil, see `Ruts.press`."""
+        state = self.state
+        w, x, y, z = state.quaternion[rows].T
+        stance = np.empty((len(w), 7))
+        stance[:, :3] = state.position[rows]
+        stance[:, 3] = 2 * (x * z - w * y)
+        stance[:, 4] = 2 * (y * z + w * x)
+        stance[:, 5] = 1 - 2 * (x * x + y * y)
+        stance[:, 6] = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return stance
+
+    def _settle(self, rows: np.ndarray, duration: float) -> None:
+        """Let the robots `rows` (R,) settle for a time [s], in soft soil period by period."""
+        steps = round(duration / self.robot.model.opt.timestep)
+        if self.ruts is None:
+            self.batch.step(ids=rows, nstep=steps)
+            return
+        for done in range(0, steps, self._substeps):
+            self.batch.step(ids=rows, nstep=min(self._substeps, steps - done))
+            self._ground.press(rows, self._stance(rows))
+
     def _begin(self, rows: np.ndarray, start: Array, height: float, settling: float) -> None:
         """Place the robots `rows` (R,), at rest, at poses `start` (R, 3).
 
         Their frames start at a `height` [m], from which they settle for a time `settling` [s].
         Raises InvalidValueError if a robot doesn't stay at rest.
         """
-        self._place_at(rows, start, height)
+        sinkage = self._ground.sinkage(rows)
+        # robots in soft soil start where soil and contacts bear their weight
+        in_soil = -SINK - sinkage
+        self._place_at(rows, start, np.where(sinkage > 0, in_soil, height))
+        self._ground.begin_ruts(rows, self._stance(rows))
         if self.shear is not None:
             self.shear.forget(rows)
         self._lay_friction(rows)
@@ -450,13 +504,14 @@ class Fleet(Simulations):
         grounds = [self.ground[k] for k in rows]
         heading = start[:, 2]
         self._tow(rows)
-        self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))
+        self._settle(rows, settling)
         speed = np.hypot(*self.state.qvel[rows, :2].T)
         lean = np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest(grounds, heading, speed, lean, self.pull)
         self.sensed[rows] = self.batch.bind("sensordata")[rows]
         self.mean_traction[rows] = _along(self._sensors[rows], self._forward[rows])
         self._put_back(rows, start)
+        self._ground.press(rows, self._stance(rows))
         self._ground.hold(rows, heading, self._relative_pull(rows), self.pull.height)
 
     def _put_back(self, rows: np.ndarray, start: Array) -> None:
@@ -503,6 +558,14 @@ def _new_shear(robot: Robot, size: int, drive: Drive) -> Shear:
     length = shape.patch_length if shape.axles else shape.contact_length
     fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
     return Shear(robot.pad_position, patches, length, size, drive.period, fastest)
+
+
+def _new_ruts(robot: Robot, size: int, drive: Drive) -> Ruts:
+    """Ruts of `size` robots."""
+    shape = robot.parameters
+    radius = float(robot.model.geom_size[robot.pads][0, 0])
+    place = robot.pad_position
+    return Ruts(place, shape.contact_length, shape.track_width, size, drive.period, radius)
 
 
 def _along(forces: Array, forward: Array) -> Array:

@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 from sim.common.settings import converted
 from sim.ground.ground import Ground
 from sim.ground.pull import Pull
+from sim.ground.ruts import Ruts
 from sim.ground.shear import Shear
+from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require
@@ -126,17 +128,27 @@ def one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
 class FleetGround(Restorable):
     """The ground under each of N robots."""
 
-    STATE = ("_surface", "_shear")
+    STATE = ("_surface", "_shear", "_ruts")
 
     def __init__(
-        self, of: batch.Batch, robot: Robot, grounds: Sequence[Ground], shear: Shear | None
+        self,
+        of: batch.Batch,
+        robot: Robot,
+        grounds: Sequence[Ground],
+        shear: Shear | None,
+        ruts: Ruts | None = None,
     ) -> None:
         """Put each robot in the batch `of` on one of `grounds`, which must be Coulomb grounds
-        without `shear`.
+        without `shear`, and must not be soft without `ruts`.
         """
         self._batch = of
         self._robot = robot
         self._shear = shear
+        self._ruts = ruts
+        if ruts is not None:
+            # views of the batch: where contacts begin (N, P), and heights (N,) of the ground
+            self._margins = of.expand("pair_margin")[:, robot.pad_pairs]
+            self._heights = of.expand("geom_pos")[:, robot.model.geom("ground").id, 2]
         # (N, P, 2), a view of the batch
         self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]
         # last result of PadFriction.surface
@@ -172,6 +184,10 @@ class FleetGround(Restorable):
 
         Raises InvalidValueError for shearing ground under robots that were not built for it.
         """
+        if self._ruts is None:
+            reason = "this fleet began on firm ground: say Fleet(..., sinks=True)"
+            for ground in grounds:
+                ground.require_firm(reason)
         largest = max(ground.largest_shear for ground in grounds)
         allowed = (
             "0 for a fleet that began on ground that doesn't shear: say Fleet(..., shears=True)"
@@ -184,6 +200,12 @@ class FleetGround(Restorable):
             changed[robot] = ground
         self.grounds = tuple(changed)
         self._ground = PadFriction(self.grounds, self._robot.pad_position)
+        if self._ruts is not None:
+            where = np.arange(len(self.grounds)) if rows is None else rows
+            soils = [self.grounds[row].soil for row in where.tolist()]
+            self._ruts.put(where, soils, self._give(where))
+            self._write_ruts(where)
+            self.share(where)
         self.slope = np.array([ground.slope for ground in self.grounds])
         """Slopes of the grounds (N,) [rad]."""
         self.uphill = np.array([ground.uphill for ground in self.grounds])
@@ -205,7 +227,70 @@ class FleetGround(Restorable):
         runs began [s].
         """
         self._surface[rows] = self._ground.surface(time, position, heading)[rows]
+        if self._ruts is not None:
+            soft = self._soft(rows)
+            self._surface[soft, :, :2] = self._ruts.friction[soft]
         self.share(rows)
+
+    def begin_ruts(self, rows: np.ndarray, pose: Array) -> None:
+        """Begin without ruts around the robots `rows` (R,) at poses (R, 7), see `Ruts.press`."""
+        if self._ruts is not None:
+            self._ruts.forget(rows, pose[:, :2])
+            self.press(rows, pose)
+
+    def press(self, rows: Rows, pose: Array) -> None:
+        """Press the soil under the robots `rows` (R,) at poses (R, 7), see `Ruts.press`."""
+        if self._ruts is None:
+            return
+        soft = self._soft(rows)
+        if soft.size:
+            self._ruts.press(soft, pose[self._ruts.is_soft[rows]])
+            self._write_ruts(soft)
+            self.share(soft)
+
+    def sinkage(self, rows: np.ndarray) -> Array:
+        """Sinkages (R,) of the robots `rows` (R,) at rest, under an even pressure [m]."""
+        sinkage = np.zeros(len(rows))
+        if self._ruts is None:
+            return sinkage
+        width = self._robot.parameters.track_width
+        for k, row in enumerate(rows.tolist()):
+            ground = self.grounds[row]
+            if ground.soil is not None:
+                pressure = SINK / self._give(rows[k : k + 1])[0] * np.cos(ground.slope)
+                sinkage[k] = ground.soil.sinkage(pressure, width)
+        return sinkage
+
+    def _soft(self, rows: Rows) -> np.ndarray:
+        """Those of the robots `rows` that are on soft soil."""
+        assert self._ruts is not None
+        everyone = np.arange(len(self.grounds))
+        return everyone[rows][self._ruts.is_soft[rows]]
+
+    def _give(self, rows: np.ndarray) -> Array:
+        """What the contacts of robots `rows` (R,) settle per pressure [m/Pa]: SINK under the weight
+        on level ground.
+        """
+        shape = self._robot.parameters
+        area = 2 * shape.track_width * shape.contact_length
+        masses = self._batch.expanded("body_mass")
+        mass = self._robot.mass if masses is None else masses[rows].sum(axis=1)
+        gravity = float(np.linalg.norm(self._robot.model.opt.gravity))
+        return np.broadcast_to(SINK * area / (mass * gravity), len(rows))
+
+    def _write_ruts(self, rows: np.ndarray) -> None:
+        """Write where contacts begin to the engine, and the friction of soft soil, for the robots
+        `rows` (R,).
+
+        The ground lies at the mean of the depths at which contacts begin, because the engine puts
+        contact points midway between pad and ground.
+        """
+        assert self._ruts is not None
+        floor = self._ruts.floor[rows]
+        self._heights[rows] = -floor
+        self._margins[rows] = floor[:, None] - self._ruts.margin[rows]
+        soft = rows[self._ruts.is_soft[rows]]
+        self._surface[soft, :, :2] = self._ruts.friction[soft]
 
     def share(self, rows: Rows) -> None:
         """Scale the pads' friction to the share that shear has mobilised under the robots `rows`
@@ -216,10 +301,19 @@ class FleetGround(Restorable):
             friction = friction * self._shear.share[rows][..., None]
         self._pads[rows] = friction
 
-    def moved(self, rows: Rows, before: Array, after: Array, belt: Array) -> None:
-        """Shear the ground by the motion of the robots `rows` (R,) in a period; see `Shear.advance`
-        for arguments.
+    def moved(
+        self, rows: Rows, before: Array, after: Array, pose: Array | None, belt: Array
+    ) -> None:
+        """Shear and press the ground by the motion of the robots `rows` (R,) in a period; see
+        `Ruts.advance` for arguments.
         """
+        if self._ruts is not None and pose is not None:
+            soft = self._soft(rows)
+            if soft.size:
+                which = self._ruts.is_soft[rows]
+                places = (before[:, which], after[:, which])
+                self._ruts.advance(soft, *places, pose[which], belt[which])
+                self._write_ruts(soft)
         if self._shear is not None:
             self._shear.advance(rows, before, after, belt, self._surface[rows, ..., 2])
             self.share(rows)

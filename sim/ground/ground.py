@@ -1,17 +1,19 @@
-"""The ground under the tracks: friction, shear, slope, and patches and changes with other
-friction.
+"""The ground under the tracks: friction, shear, soft soil, slope, and patches and changes with
+other friction.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 from sim.common.settings import build, read_named
 from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
+    InvalidValueError,
     SettingsFileError,
     checked,
     one_of,
@@ -21,6 +23,8 @@ from trackslip.errors import (
     require_positive,
     require_within,
 )
+from trackslip.skid_theory.soil import Soil
+from trackslip.skid_theory.soils import NAMED_SOILS
 
 MAX_FRICTION: Final = 10.0
 """Largest friction coefficient [-]."""
@@ -94,6 +98,9 @@ class Ground(Checked):
     Ground with a shear modulus K gives way before it slides: an element of track that has moved by
     j over the ground since its touchdown exerts a share 1 - exp(-j / K) of the friction (Janosi and
     Hanamoto 1961). Slip then depends on slope, load and radius as well.
+
+    Soft soil has friction and a shear modulus of its own, and robots sink in. `along` and `across`
+    are the friction of such ground without cohesion and bulldozing.
     """
 
     along: float = checked(0.70, require_positive, MAX_FRICTION)
@@ -112,13 +119,39 @@ class Ground(Checked):
     """Changes in the ground, in order of time."""
     shear: float = checked(0.0, require_non_negative, MAX_SHEAR, "m", **UNLESS_ZERO)
     """Shear modulus K; 0 for Coulomb friction [m]."""
+    soil: Soil | None = field(default=None, metadata={"stored_unless": None})
+    """Soft soil, which determines friction and shear; None for ground in which nothing sinks."""
 
     def __post_init__(self) -> None:
+        if self.soil is not None:
+            self._lay_soil(self.soil)
         super().__post_init__()
         for name in ("patches", "changes"):
             require_at_most(f"number of {name}", len(getattr(self, name)), _MAX_PATCHES)
         times = [change.time for change in self.changes]
         require(times == sorted(set(times)), "changes", times, "in ascending order, all different")
+
+    def _lay_soil(self, soil: Soil) -> None:
+        """Take friction and shear from the soil; raises InvalidValueError if they are given, or if
+        the ground has patches or changes.
+        """
+        require(isinstance(soil, Soil), "soil", soil, "a Soil, or None for firm ground")
+        require_positive("soil.friction_angle", soil.friction_angle)
+        friction = math.tan(soil.friction_angle)
+        for name, own in (("along", friction), ("across", friction), ("shear", soil.shear)):
+            value = getattr(self, name)
+            default = self.__dataclass_fields__[name].default
+            require(value in (default, own), name, value, "left out: the soil has its own")
+            object.__setattr__(self, name, own)
+        for name in ("patches", "changes"):
+            count = len(getattr(self, name))
+            require(count == 0, name, count, "left out on soft soil, which is the same everywhere")
+
+    def require_firm(self, reason: str) -> None:
+        """Raise InvalidValueError, with the `reason`, for ground with soft soil."""
+        if self.soil is not None:
+            source = self.soil.source or "soft soil"
+            raise InvalidValueError("ground.soil", source, f"left out: {reason}")
 
     def require_even(self, reason: str) -> None:
         """Raise InvalidValueError, with the `reason`, for ground with a slope, patches or
@@ -180,6 +213,8 @@ NAMED_GROUNDS: Final[dict[str, Ground]] = {
     "grass": Ground(0.50, 0.50),  # for tyres: assumed; ratio 1; a Warthog's log fits 0.50 and 0.95
     # ice, 0.10 to 0.15: Noon; ratio 1; a Warthog's log fits 0.12 and 1.08
     "ice": Ground(0.12, 0.12),
+    # soft soils, with their sources in trackslip/skid_theory/soils.py
+    **{name: Ground(soil=soil) for name, soil in NAMED_SOILS.items()},
 }
 """Grounds by name, with sources for the friction along the track:
 
@@ -191,7 +226,7 @@ Ground Vehicles (2008), for angles of friction, quoted second-hand.
 @checks_arguments
 def load_ground(source: str) -> Ground:
     """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground
-    to be changed.
+    to be changed. A table `soil` has fields of `Soil`; what it leaves out is the base's.
 
     Raises InvalidValueError for any other source, SettingsFileError for an unreadable file or
     invalid fields.
@@ -202,4 +237,17 @@ def load_ground(source: str) -> Ground:
     base = table.pop("base", "stone")
     if not isinstance(base, str) or base not in NAMED_GROUNDS:
         raise SettingsFileError(f"{source}: base = {base!r}: must be {one_of(NAMED_GROUNDS, base)}")
-    return build(Ground, table, source, NAMED_GROUNDS[base])
+    ground = NAMED_GROUNDS[base]
+    if "soil" in table:
+        table["soil"] = _soil_table(table["soil"], ground.soil, source)
+        ground = Ground()
+    return build(Ground, table, source, ground)
+
+
+def _soil_table(given: Any, base: Soil | None, source: str) -> Any:
+    """The fields of a soil, where `base` supplies those that are not given."""
+    if base is None or not isinstance(given, Mapping):
+        return given
+    origin = f"{base.source}, changed in {source}"
+    assumed = tuple(name for name in base.assumed if name not in given)
+    return {**vars(base), "source": origin, "assumed": assumed, **given}

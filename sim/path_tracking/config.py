@@ -214,6 +214,10 @@ class EnvConfig(OwnTerms):
         """Raise InvalidValueError for a randomization that makes robots tip over or begin off the
         path.
         """
+        drawn = self.drawn
+        if drawn.friction_ratio != (1.0, 1.0) or drawn.patches[1] > 0 or drawn.shear is not None:
+            for ground in self.grounds:
+                self.load_ground(ground).require_firm("friction, patches and shear are drawn")
         named = self.randomization in (None, "typical")
         known = named or isinstance(self.randomization, Randomization)
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
@@ -275,6 +279,11 @@ class EnvConfig(OwnTerms):
         if drawn is not None and drawn[1] > 0:
             return True
         return any(self.load_ground(name).largest_shear > 0 for name in self.grounds)
+
+    @property
+    def sinks(self) -> bool:
+        """Whether any of the grounds is soft."""
+        return any(self.load_ground(name).soil is not None for name in self.grounds)
 
     @property
     def stride(self) -> int:

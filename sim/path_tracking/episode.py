@@ -111,6 +111,8 @@ def _given_ground(config: EnvConfig, given: str | Ground) -> Ground:
     shear = ground.largest_shear
     allowed = "0 in an environment that is made without ground that shears"
     require(shear == 0 or config.shears, "ground.shear", shear, allowed)
+    if not config.sinks:
+        ground.require_firm("the environment is made without soft soil")
     return ground
 
 

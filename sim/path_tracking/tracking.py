@@ -82,6 +82,7 @@ class PathTracking(Task):
             threads=threads,
             pull=config.pull,
             shears=config.shears,
+            sinks=config.sinks,
         )
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
         commanded = _commanded(config, self.fleet.drive.limit)

@@ -68,6 +68,7 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
         shapes = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body).tolist()
         top = max(float(outline(model, data, data.body(0), shape)[:, 2].max()) for shape in shapes)
         _warn_of_what_differs(built, data)
+    (track_width,) = {gear.width for gear in robot.gear if gear.flipper is None}
     contact: dict[str, Any] = {"contact_length": robot.contact_length}
     if robot.contact == WHEELS:
         axles = tuple(axle - robot.middle for axle in robot.standing)
@@ -85,6 +86,7 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
             inertia=tuple(total[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()),
             plate_height=max(RobotParameters.plate_height, top + _PLATE_ABOVE + _PLATE_HALF_HEIGHT),
             looks=looks,
+            track_width=track_width,
             drive=robot.drive,
         )
     except InvalidValueError as error:

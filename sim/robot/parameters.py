@@ -22,6 +22,8 @@ SINK = 0.002
 """Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for
 any robot [m].
 """
+TRACK_WIDTH = 0.08
+"""Default width of a track, as in files of tracked robots [m]."""
 PATCH_LENGTH = 0.1
 """Default length of a wheel's contact with the ground [m]."""
 RADIUS_ERROR: Final = 0.0066
@@ -83,6 +85,8 @@ class RobotParameters(Checked):
     """Servos and motors; None for motors of unlimited torque, as in files without `[drive]`. The
     default is the shipped robot's, of 25 kg, whatever the other parameters are.
     """
+    track_width: float = checked(TRACK_WIDTH, *_SIZE, stored_unless=TRACK_WIDTH)
+    """Width of a track on soft soil; it has no effect on other ground [m]."""
     radius_split: float = checked(
         0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO
     )

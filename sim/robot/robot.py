@@ -4,10 +4,11 @@ rigid-body inertia.
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -220,6 +221,12 @@ class Robot:
         robot = load_robot(self.parameters, self.contact_sensors, single_contacts=True)
         robot.model.opt = self.model.opt
         return robot
+
+    def with_movable_ground(self) -> Robot:
+        """The same robot, whose ground the engine places where its field `geom_pos` has it."""
+        model = copy.copy(self.model)
+        model.geom_sameframe[model.geom("ground").id] = 0
+        return replace(self, model=model)
 
 
 @checks_arguments

@@ -24,6 +24,11 @@ FAILURE: Final = "failure"
 """Key in a log's metadata for the reason if the run ended early."""
 SATURATION: Final = "saturation"
 """Key in a log's metadata for its `Saturation`, if a motor was at its limit."""
+SINKING: Final = "sinking"
+"""Key in a log's metadata for its `Sinking`, if the ground was soft soil."""
+_STUCK: Final = 0.95  # slip beyond which a robot stands still while its tracks dig [-]
+# pitch beyond which simulation and theory of rigid tracks were seen to differ [rad]
+_STEEP: Final = float(np.radians(3.0))
 LOST_AFTER: Final = 0.5
 """Time without a valid pose after which a robot is lost; scans that miss the plate now and then, or
 show it edge-on, are no reason to stop [s].
@@ -152,6 +157,51 @@ class Saturation:
         )
 
 
+@dataclass(frozen=True)
+class Sinking:
+    """How a robot sank into soft soil in a run."""
+
+    sinkage: float
+    """Median depth of its ruts [m]."""
+    resistance: float
+    """Median force of compaction on both tracks, against the motion [N]."""
+    pitch: float
+    """Largest angle between robot and ground, forwards or backwards [rad]."""
+    slip: float
+    """Smaller magnitude of the tracks' slips at the end [-]."""
+
+    @classmethod
+    def of(cls, rut: Array, resistance: Array, slip: Array, pitch: Array) -> Sinking:
+        """Find it from depths, forces and slips (T, 2) of the tracks and pitches (T,)."""
+        return cls(
+            sinkage=float(np.median(rut.mean(axis=1))),
+            resistance=float(np.median(np.abs(resistance.sum(axis=1)))),
+            pitch=float(np.abs(pitch).max()),
+            slip=float(np.abs(slip[-1]).min()),
+        )
+
+    @property
+    def is_immobilised(self) -> bool:
+        """Whether the robot stood still at the end while its tracks dug."""
+        return self.slip > _STUCK
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader of the run must know."""
+        notes = []
+        if self.is_immobilised:
+            depth = 1e3 * self.sinkage
+            digging = f"the tracks dig at a slip of {self.slip:.2f}, {depth:.0f} mm deep"
+            notes.append(f"immobilised: {digging}")
+        if self.pitch > _STEEP:
+            angle = np.degrees(self.pitch)
+            notes.append(
+                f"the robot tilts by up to {angle:.1f}° in its ruts: beyond 3°, rigid tracks are a "
+                "rough model"
+            )
+        return notes
+
+
 class RunRecorder:
     """Recording of N runs, row by row.
 
@@ -214,6 +264,10 @@ class RunRecorder:
             "energy": drive.energy,
             "saturated_time": drive.saturated_time,
         }
+        if fleet.ruts is not None:
+            row["rut"] = fleet.ruts.deepest
+            row["resistance"] = fleet.ruts.resistance
+            row["slip"] = fleet.ruts.slip
         if self._in_detail:
             row["contact"] = pad_forces(fleet).astype(np.float32)
         if self._in_detail and fleet.shear is not None:
@@ -307,12 +361,19 @@ class RunRecorder:
         truth["power"] = self._rates(truth.pop("energy"))
         truth["saturated"] = self._rates(truth.pop("saturated_time"))
 
+        sinking: list[Sinking | None] = [None] * self.fleet.size
+        if self.fleet.ruts is not None:
+            soil = [truth.pop(name) for name in ("rut", "resistance", "slip")]
+            for i in np.flatnonzero(self.fleet.ruts.is_soft).tolist():
+                rut, resistance, slip = (values[:, i] for values in soil)
+                sinking[i] = Sinking.of(rut, resistance, slip, states.pitch[:, i])
+
         logs = []
         for i in range(self.fleet.size):
             own = {name: values[:, i] for name, values in truth.items()}
             saturation = Saturation.of(own["saturated"], own["torque"], needed[:, i])
             own_scans = scans[i] if scans else None
-            logs.append(self._log(i, Truth(**own), own_scans, saturation, failure))
+            logs.append(self._log(i, Truth(**own), own_scans, saturation, sinking[i], failure))
         return logs
 
     def _rates(self, total: Array) -> Array:
@@ -327,6 +388,7 @@ class RunRecorder:
         truth: Truth,
         scans: ScanLog | None,
         saturation: Saturation | None,
+        sinking: Sinking | None,
         failure: str | None,
     ) -> RunLog:
         rows = slice(self.complete)
@@ -334,6 +396,8 @@ class RunRecorder:
         metadata = dict(description.metadata)
         if saturation is not None:
             metadata[SATURATION] = vars(saturation)
+        if sinking is not None:
+            metadata[SINKING] = vars(sinking)
         is_closed = not np.isnan(self._twist_command[rows, i]).any()
         is_at_top = at_top_speed(self._command[rows, i], self.fleet.drive.limit)
         if is_closed and is_at_top.mean() >= _LEAST_TOP_SPEED_SHARE:

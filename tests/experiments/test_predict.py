@@ -44,6 +44,31 @@ def test_turns_counted_by_hand_give_the_multiplier(capsys, refused):
     )
 
 
+def test_soft_soil_has_a_drawbar_slip_curve(trackslip):
+    result = trackslip("predict", "--ground", "dry_sand")
+    summary = result.summary
+    assert summary["sinkage"] == pytest.approx(4.974e-3, rel=1e-3)
+    assert summary["resistance"] / 245.25 == pytest.approx(0.00697, rel=1e-2)
+    drawbar = summary["drawbar"]
+    assert max(drawbar["pull"]) == summary["most_pull"]["pull"]
+    assert max(drawbar["efficiency"]) == summary["most_efficiency"]["efficiency"]
+    # who reads only this page sees what is assumed
+    assert "assumed: shear modulus" in result.printed
+    assert "4.97 mm" in result.printed
+
+
+def test_a_pull_beyond_the_most_says_immobilised(trackslip):
+    result = trackslip("predict", "--ground", "soft_snow", "--pull", "90")
+    assert result.summary["slip_under_load"] is None
+    assert "Immobilised" in result.printed
+
+
+def test_soil_excludes_friction_and_wheels(refused):
+    said = "must be left out: the soil of the ground has its own"
+    assert said in refused("predict", "--ground", "dry_sand", "--shear", "0.01")
+    assert 'must be "tracks"' in refused("predict", "--ground", "dry_sand", "--robot", "husky")
+
+
 def by_hand(capsys, line):
     main(["predict", *line.split()])
     return capsys.readouterr().out
@@ -91,3 +116,16 @@ def test_distances_by_tape_give_the_radii(capsys):
 )
 def test_numbers_by_hand_that_contradict_are_refused(refused, line, said):
     assert said in refused("predict", *line.split())
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("validate --ground dry_sand", "the checks are for firm ground"),
+        ("calibrate --ground dry_sand", "parameters of soil are not fitted"),
+    ],
+)
+def test_commands_without_soft_soil_refuse_it_by_name(refused, line, said):
+    refusal = refused(*line.split())
+    assert "ground.soil = 'Wong, Land Locomotion Laboratory': must be left out" in refusal
+    assert said in refusal

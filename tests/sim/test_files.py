@@ -2,6 +2,7 @@ import dataclasses
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pages import ROOT
 from tracked_files import ROBOT
@@ -65,8 +66,58 @@ def test_the_page_lists_the_named_grounds():
         listed[name] = tuple(map(float, values))
     named = {}
     for name, ground in NAMED_GROUNDS.items():
-        named[name] = (ground.along, ground.across, 1e3 * ground.shear)
+        if ground.soil is None:
+            named[name] = (ground.along, ground.across, 1e3 * ground.shear)
     assert listed == named
+
+
+def test_the_page_lists_the_named_soils():
+    numbers = r" \| ([\d.]+)" * 6
+    rows = re.findall(rf"^\| `(\w+)`{numbers} \| (?!\d)", PAGE.read_text(), re.MULTILINE)
+    listed = {name: tuple(map(float, values)) for name, *values in rows}
+    soils = {name: ground.soil for name, ground in NAMED_GROUNDS.items() if ground.soil}
+    assert listed.keys() == soils.keys()
+    for name, s in soils.items():
+        moduli = (1e-3 * s.k_c, 1e-3 * s.k_phi, s.n, 1e-3 * s.cohesion)
+        others = (np.degrees(s.friction_angle), 1e3 * s.shear)
+        assert listed[name] == pytest.approx((*moduli, *others))
+
+
+def test_a_ground_file_has_a_table_for_soil(tmp_path):
+    path = tmp_path / "beach.toml"
+    path.write_text('base = "dry_sand"\nslope = 0.1\n[soil]\ncohesion = 500.0\nn1 = 0.0\n')
+    ground = load_ground(str(path))
+    sand = NAMED_GROUNDS["dry_sand"].soil
+    assert ground.slope == 0.1
+    assert ground.soil.cohesion == 500.0
+    assert ground.soil.k_phi == sand.k_phi
+    # who gives a value no longer assumes it
+    assert ground.soil.assumed == ("shear", "unit_weight")
+    assert ground.soil.source == f"{sand.source}, changed in {path}"
+    assert ground.shear == sand.shear
+    assert ground.along == pytest.approx(np.tan(sand.friction_angle))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[soil]\nk_c = 1.0\n", "k_phi is missing"),
+        ("[soil]\nk_c = 1.0\nk_phi = 2.0\nkc = 3\n", "soil: kc is unknown"),
+        ("along = 0.5\n[soil]\nk_c = 1.0\nk_phi = 2e6\n", "along = 0.5: must be left out"),
+        ("[soil]\nk_c = 1.0\nk_phi = 2e6\nn = -1\n", "n = -1.0: must be from 0 to 5"),
+        ("soil = 3\n", "soil = 3: must be a table"),
+        (
+            "[soil]\nk_c = 1.0\nk_phi = 2e6\n"
+            "[[patches]]\nx = [0, 1]\ny = [0, 1]\nalong = 1\nacross = 1\n",
+            "patches = 1: must be left out on soft soil",
+        ),
+    ],
+)
+def test_soil_that_contradicts_or_lacks_something_is_refused(tmp_path, text, said):
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(SettingsFileError, match=re.escape(said)):
+        load_ground(str(path))
 
 
 def load_robot(source):

@@ -8,17 +8,31 @@ friction limit:
 On Coulomb ground g = 1; on ground that shears, g = 1 - exp(-|j| / K) grows with the displacement j
 of the element over the ground since it entered the contact. In slow steady motion these forces
 balance the load. The theory follows Moreau's principle of maximum dissipation, Janosi and Hanamoto
-(1961), and Wong and Chiang (2001).
+(1961), and Wong and Chiang (2001). `soil` adds sinkage and its resistance, after Bekker (1969).
 """
 
 from trackslip.skid_theory.contact import Contact, Load, line_contact, wheel_contact
+from trackslip.skid_theory.soil import (
+    DrawbarCurve,
+    Soil,
+    Tracks,
+    drawbar_curve,
+    most_slope,
+    slip_for,
+)
 from trackslip.skid_theory.steady import SteadyTurns, steady_turns, steady_twist
 
 __all__ = [
     "Contact",
+    "DrawbarCurve",
     "Load",
+    "Soil",
     "SteadyTurns",
+    "Tracks",
+    "drawbar_curve",
     "line_contact",
+    "most_slope",
+    "slip_for",
     "steady_turns",
     "steady_twist",
     "wheel_contact",

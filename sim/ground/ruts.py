@@ -1,0 +1,420 @@
+"""Ruts in soft soil under a fleet's tracks: how deep its pads stand, and what their ruts resist.
+
+Soft soil is a rigid-plastic layer in series with the engine's contacts, which are springs of a
+constant stiffness. A pad at the depth z below the undisturbed ground presses the soil down to the
+depth T at which spring and soil bear the same pressure,
+
+    (z - T) / give = p(T)                                                                        (1)
+
+with Bekker's pressure p of `trackslip.skid_theory.soil`, and soil that was pressed stays where it
+is. In every servo period, for each of the cells under a pad, whose ruts have the depth s,
+
+    s <- max(s, T(z)),                                                                           (2)
+
+and the pad's contact begins at the depth at which the springs over these cells together bear the
+same load: the mean of max(z - s, 0) below the pad. Only where contacts begin changes, never their
+stiffness.
+
+To press a rut from the depth s to the depth t takes the work w(t) - w(s) per area. Contacts push
+along the normal only, so that the engine can't know this work. It is taken by a force on each
+track against its motion (Bekker's resistance),
+
+    b (w(deepest cell under the track) - w(cell ahead of the track's end))                       (3)
+
+as the mean over lines along the track. It grows over the first 2 mm of travel, as friction in
+Dahl's model does, so that nothing pushes a robot at rest. Ahead means in the direction in which the
+track's end moves, which is to the side if a robot turns on the spot, in a rut that it has already
+pressed.
+
+Each robot's cells are in a window that moves with it, in steps of whole cells. Ruts that leave the
+window are forgotten.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackslip.kinematics import Array
+from trackslip.restorable import Restorable
+from trackslip.skid_theory import Soil
+
+LINES: Final = 4
+"""Number of lines along a track, with a cell's width between them."""
+WINDOW: Final = 256
+"""Number of cells along the side of the window in which ruts are remembered."""
+GROWTH: Final = 0.002
+"""Travel over which the resistance grows: the settlement of the engine's contacts [m]."""
+_STRAY: Final = 32  # distance of a robot from the middle of its window that moves it [cells]
+_AHEAD: Final = 1.5  # distance ahead of a track's end at which soil is undisturbed by it [cells]
+_ROUNDS: Final = 4  # of Newton's method for (1), to a millionth
+_MOST_FRICTION: Final = 10.0  # that pads with hardly any load have, because of cohesion [-]
+_TINY: Final = 1e-300
+_MOVES: Final = 1e-9  # shortest motion with a direction [m]
+_Ints = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class _Pressed:
+    """Cells that were pressed, and their depths before."""
+
+    cells: _Ints  # (K,) indices of the cells
+    depth: NDArray[np.float32]  # (K,) [m]
+
+
+@dataclass(frozen=True)
+class _Moved:
+    """A window that was moved, as it was before."""
+
+    robot: int
+    corner: _Ints  # (2,)
+    depth: NDArray[np.float32]  # (WINDOW, WINDOW) [m]
+
+
+class _Soils(NamedTuple):
+    """The numbers of R robots' soils, each (R,)."""
+
+    modulus: Array
+    exponent: Array
+    growth: Array
+    cohesion: Array
+    friction: Array  # tangent of the angle of friction
+    by_depth: Array  # lateral force per length and depth, of cohesion
+    by_square: Array  # lateral force per length and squared depth, of weight
+
+    @classmethod
+    def of(cls, soil: Soil, width: float) -> _Soils:
+        """One soil under tracks of this width [m]."""
+        by_depth, by_square = soil.bulldozing_terms
+        friction = math.tan(soil.friction_angle)
+        numbers = (soil.modulus(width), soil.n, soil.n1, soil.cohesion, friction)
+        return cls(*(np.asarray(number) for number in (*numbers, by_depth, by_square)))
+
+
+class Ruts(Restorable):
+    """Ruts of N robots on two tracks each, whose P pads touch the ground at one point each."""
+
+    STATE = (
+        "_depth",
+        "_corner",
+        "_slip",
+        "_travel",
+        "margin",
+        "floor",
+        "friction",
+        "resistance",
+        "deepest",
+    )
+
+    def __init__(
+        self, place: Array, length: float, width: float, size: int, period: float, radius: float
+    ) -> None:
+        """Start without ruts, on firm ground.
+
+        Args:
+            place: points (P, 2) on the robot, left side first, from rear to front on each side [m].
+            length: length of a track's contact [m].
+            width: width of a track [m].
+            size: number of robots.
+            period: period of the servos [s].
+            radius: radius of the pads' lower ends [m].
+        """
+        self._length = length
+        self._width = width
+        self._period = period
+        self._radius = radius
+        self._cell = width / LINES
+        pads = len(place)
+        self._pads = pads
+        self._side = place[:, 1].reshape(2, -1)[:, 0]  # lateral places (2,) of the tracks [m]
+        # the pads, and the rear and front ends of both tracks, which lie beyond the last pads
+        ends = np.array([-1.0, 1.0]) * (length / 2)
+        self._x = np.concatenate([place[:, 0], ends, ends])
+        self._y = np.concatenate([place[:, 1], self._side.repeat(2)])
+        self._track = (self._y < self._side.mean()).astype(int)  # 0 left, 1 right
+        self._lines = self._cell * (np.arange(LINES) - (LINES - 1) / 2)  # (L,) [m]
+        # places of the cells under the pads (P L,), pad by pad [m]
+        self._under_x = place[:, 0].repeat(LINES)
+        self._under_y = np.add.outer(place[:, 1], self._lines).ravel()
+        self._side_lines = np.add.outer(self._side, self._lines)  # (2, L) [m]
+
+        # the robots' soils
+        self.is_soft = np.zeros(size, bool)
+        """Whether each robot (N,) is on soft soil."""
+        self._soil = np.ones((len(_Soils._fields), size))
+        self._give = np.ones(size)  # of the springs [m/Pa]
+
+        # one cell more, for all places outside of the windows
+        self._depth = np.zeros(size * WINDOW**2 + 1, np.float32)
+        self._corner = np.full((size, 2), -WINDOW // 2)  # first cell of each window
+        self._slip = np.zeros((size, 2))
+        self._travel = np.zeros((size, 2))  # from -GROWTH to GROWTH [m]
+        self._written: list[_Pressed | _Moved] = []
+
+        self.margin = np.zeros((size, pads))
+        """Depths (N, P) at which the pads' contacts begin [m]."""
+        self.floor = np.zeros(size)
+        """Means (N,) of these depths [m]."""
+        self.friction = np.ones((size, pads, 2))
+        """Friction coefficients (N, P, 2) along and across the tracks [-]."""
+        self.resistance = np.zeros((size, 2))
+        """Forces (N, 2) of compaction on the tracks, positive forwards [N]."""
+        self.deepest = np.zeros((size, 2))
+        """Depths (N, 2) of the ruts under the tracks, means over their lines [m]."""
+
+    @property
+    def slip(self) -> Array:
+        """Slips (N, 2) of the tracks, means over about the last length of contact [-]."""
+        return self._slip.copy()
+
+    @property
+    def by_robot(self) -> tuple[Array, ...]:
+        """Views of the arrays that a period changes, with the robots on the first axis; `undo`
+        restores the ruts themselves, and `press` what follows from them.
+        """
+        return self._slip, self._travel, self.resistance
+
+    def put(self, rows: _Ints, soils: Sequence[Soil | None], give: Array) -> None:
+        """Put the robots `rows` (R,) on soils, or with None on firm ground; their springs `give`
+        (R,) [m/Pa].
+        """
+        self._give[rows] = give
+        for row, soil in zip(rows.tolist(), soils, strict=True):
+            self.is_soft[row] = soil is not None
+            if soil is not None:
+                self._soil[:, row] = _Soils.of(soil, self._width)
+            else:
+                self.margin[row] = 0.0
+                self.floor[row] = 0.0
+                self.resistance[row] = 0.0
+                self.deepest[row] = 0.0
+
+    def forget(self, rows: _Ints, position: Array) -> None:
+        """Begin without ruts around the robots `rows` (R,), which stand at positions (R, 2) [m]."""
+        windows = self._windows()
+        windows[rows] = 0.0
+        self._corner[rows] = self._cell_of(position) - WINDOW // 2
+        self._slip[rows] = 0.0
+        self._travel[rows] = 0.0
+        self.resistance[rows] = 0.0
+
+    def mark(self) -> None:
+        """Forget how to undo what was pressed so far."""
+        self._written.clear()
+
+    def undo(self, rows: _Ints) -> None:
+        """Undo what the robots `rows` (R,) pressed since the last `mark`."""
+        windows = self._windows()
+        kept: list[_Pressed | _Moved] = []
+        for change in reversed(self._written):
+            if isinstance(change, _Moved):
+                if change.robot in rows:
+                    windows[change.robot] = change.depth
+                    self._corner[change.robot] = change.corner
+                else:
+                    kept.append(change)
+                continue
+            is_undone = np.isin(change.cells // WINDOW**2, rows)
+            self._depth[change.cells[is_undone]] = change.depth[is_undone]
+            if not is_undone.all():
+                others = ~is_undone
+                kept.append(_Pressed(change.cells[others], change.depth[others]))
+        self._written = kept[::-1]
+
+    def press(self, rows: _Ints, pose: Array) -> Array:
+        """Press the soil under the robots `rows` (R,), by (1) and (2), find where contacts begin
+        and their friction, and return the depths (R, 2, L) of the tracks' lines [m].
+
+        `pose` (R, 7) has the chassis' position, the vertical components of its three axes, and its
+        heading [m, -, rad]. A second press in the same place changes nothing.
+        """
+        cells = self._cells(rows, pose, self._under_x[None], self._under_y[None])
+        return self._press(rows, pose, cells, self._of(rows))
+
+    def _press(self, rows: _Ints, pose: Array, under: _Ints, soil: _Soils) -> Array:
+        """Do as `press` does, with the indices (R, P L) of the cells under the pads."""
+        at_all = self._depths(pose)  # (R, P + 4) [m]
+        pressed_at_all = self._soil_depth(rows, at_all, soil)
+        depth = at_all[:, : self._pads]
+        pressed = pressed_at_all[:, : self._pads]
+
+        # write the cells that become deeper
+        cells = under.reshape(len(rows), -1, LINES)  # (R, P, L)
+        before = self._depth[cells]
+        after = np.maximum(before, pressed[..., None].astype(np.float32))
+        is_deeper = after > before
+        if is_deeper.any():
+            deeper = cells[is_deeper]
+            self._written.append(_Pressed(deeper, before[is_deeper]))
+            np.maximum.at(self._depth, deeper, after[is_deeper])
+            self._depth[-1] = 0.0
+        rut = self._depth[cells].astype(float)
+
+        # the contact of springs that bear on all cells that they reach
+        squeezed = np.maximum(depth[..., None] - rut, 0.0).mean(axis=-1)  # (R, P) [m]
+        reaches = squeezed > 0
+        margin = np.where(reaches, depth - squeezed, rut.min(axis=-1))
+        self.margin[rows] = margin
+        self.floor[rows] = margin.mean(axis=1)
+
+        # the strength of the soil over the pressure
+        pressure = np.where(reaches, squeezed, np.inf) / self._give[rows, None]
+        along = soil.friction[:, None] + soil.cohesion[:, None] / pressure
+        bulldozed = (soil.by_square[:, None] * margin + soil.by_depth[:, None]) * margin
+        across = along + bulldozed / (self._width * pressure)
+        friction = np.empty((*along.shape, 2))
+        friction[..., 0] = along
+        friction[..., 1] = across
+        self.friction[rows] = np.minimum(friction, _MOST_FRICTION)
+
+        # the depth of each line, also at the ends of the tracks, which write no cells, so that soil
+        # ahead of them stays untouched
+        deepest_end = pressed_at_all[:, self._pads :].reshape(-1, 2, 2).max(axis=-1)
+        by_track = rut.reshape(len(rows), 2, -1, LINES).max(axis=2)  # (R, 2, L)
+        deepest = np.maximum(by_track, deepest_end[..., None])
+        self.deepest[rows] = deepest.mean(axis=-1)
+        return deepest
+
+    def advance(self, rows: _Ints, before: Array, after: Array, pose: Array, belt: Array) -> None:
+        """Update ruts and resistances after a period in which the robots `rows` (R,) moved.
+
+        Args:
+            rows: indices of the robots.
+            before, after: places of the robots (4, R): position x, y [m], cosine and sine of the
+                heading.
+            pose: as in `press`, after the period.
+            belt: belt speeds (R, 2), positive forwards [m/s].
+        """
+        self._follow(rows, after[:2].T)
+        soil = self._of(rows)
+
+        # motion of the robots in their own frames, and of their tracks
+        x_change, y_change = (after - before)[:2]
+        cos, sin = before[2:]
+        ahead = cos * x_change + sin * y_change
+        aside = cos * y_change - sin * x_change
+        turn = cos * after[3] - sin * after[2]
+        motion = ahead[:, None] - turn[:, None] * self._side  # (R, 2) [m]
+        self._slide(rows, motion, belt * self._period)
+
+        # where the ends of the tracks will meet soil, in the direction in which they move
+        travel = self._travel[rows]
+        front = np.where(travel >= 0, 1.0, -1.0)  # (R, 2)
+        end = front * (self._length / 2)
+        sideways = aside[:, None] + turn[:, None] * end
+        distance = np.sqrt(motion * motion + sideways * sideways)
+        moves = distance > _MOVES
+        reach = _AHEAD * self._cell / np.where(moves, distance, 1.0)
+        meets_x = end + reach * np.where(moves, motion, front)
+        meets_y = (reach * np.where(moves, sideways, 0.0))[..., None] + self._side_lines
+
+        # the cells under the pads, and those that the ends meet
+        count = len(self._under_x)
+        x = np.empty((len(rows), count + 2 * LINES))
+        y = np.empty_like(x)
+        x[:, :count] = self._under_x
+        y[:, :count] = self._under_y
+        x[:, count:] = meets_x.repeat(LINES, axis=1)
+        y[:, count:] = meets_y.reshape(len(rows), -1)
+        cells = self._cells(rows, pose, x, y)
+        deepest = self._press(rows, pose, cells[:, :count], soil)
+        untouched = self._depth[cells[:, count:]].astype(float).reshape(deepest.shape)
+
+        # the resistance, by (3)
+        growth = soil.growth[:, None] * np.abs(self._slip[rows])
+        exponent = soil.exponent[:, None] + growth + 1
+        scale = soil.modulus[:, None] / exponent
+        power = exponent[..., None]
+        work = np.maximum(deepest**power - untouched**power, 0.0).mean(axis=-1)
+        self.resistance[rows] = -self._width * scale * work * (travel / GROWTH)
+
+    def _slide(self, rows: _Ints, motion: Array, run: Array) -> None:
+        """Update slips and travels after tracks moved by `motion` and their belts ran by `run` (R,
+        2) [m].
+
+        The slip is a mean over the length of contact that the belt runs through.
+        """
+        runs = run != 0
+        slip = np.where(runs, 1 - motion / np.where(runs, run, 1.0), 0.0)
+        weight = -np.expm1(-np.abs(run) / self._length)
+        before = self._slip[rows]
+        mean = before + weight * (slip - before)
+        self._slip[rows] = np.clip(mean, -1.0, 1.0)
+        self._travel[rows] = np.clip(self._travel[rows] + motion, -GROWTH, GROWTH)
+
+    def _of(self, rows: _Ints) -> _Soils:
+        return _Soils(*self._soil[:, rows])
+
+    def _windows(self) -> NDArray[np.float32]:
+        """The cells (N, WINDOW, WINDOW), a view."""
+        return self._depth[:-1].reshape(-1, WINDOW, WINDOW)
+
+    def _cell_of(self, place: Array) -> _Ints:
+        """Cells (..., 2) in the world at places (..., 2) [m]."""
+        return np.floor(place / self._cell).astype(int)
+
+    def _cells(self, rows: _Ints, pose: Array, x: Array, y: Array) -> _Ints:
+        """Indices (R, K) of the cells at places `x` and `y` (R or 1, K) on the robots [m]."""
+        cos = np.cos(pose[:, 6:])
+        sin = np.sin(pose[:, 6:])
+        corner = self._corner[rows]
+        in_x = (pose[:, :1] + cos * x - sin * y) / self._cell
+        in_y = (pose[:, 1:2] + sin * x + cos * y) / self._cell
+        i = np.floor(in_x).astype(int) - corner[:, :1]
+        j = np.floor(in_y).astype(int) - corner[:, 1:]
+        is_inside = (np.minimum(i, j) >= 0) & (np.maximum(i, j) < WINDOW)
+        index = (rows[:, None] * WINDOW + i) * WINDOW + j
+        return np.where(is_inside, index, len(self._depth) - 1)
+
+    def _depths(self, pose: Array) -> Array:
+        """Depths (R, P + 4) of the lower ends of the pads, and of the ends of the tracks [m]."""
+        _, _, z, by_x, by_y, by_z, _ = pose.T[..., None]
+        return -(z + by_x * self._x + by_y * self._y + (by_z - 1) * self._radius)
+
+    def _soil_depth(self, rows: _Ints, depth: Array, soil: _Soils) -> Array:
+        """Depths T (R, P + 4) of the soil under these places at depths (R, P + 4) [m], by (1).
+
+        The depth T solves T + give k T^m = z. With u = log T, the logarithm of the left side has a
+        slope between 1 and m everywhere, so that Newton's method converges from the smaller of both
+        limits.
+        """
+        by_track = soil.exponent[:, None] + soil.growth[:, None] * np.abs(self._slip[rows])
+        exponent = by_track[:, self._track]
+        of_spring = (self._give[rows] * soil.modulus)[:, None]
+        log_depth = np.log(np.maximum(depth, _TINY))
+        u = np.minimum(log_depth, (log_depth - np.log(of_spring)) / exponent)
+        for _ in range(_ROUNDS):
+            soft = np.exp(u)
+            firm = of_spring * np.exp(exponent * u)
+            total = soft + firm
+            u -= (np.log(total) - log_depth) * total / (soft + exponent * firm)
+        return np.where(depth > 0, np.exp(u), 0.0)
+
+    def _follow(self, rows: _Ints, position: Array) -> None:
+        """Move the windows of robots `rows` (R,) at positions (R, 2) [m] that are off their
+        middles.
+        """
+        cell = self._cell_of(position)
+        stray = cell - self._corner[rows] - WINDOW // 2
+        is_off = (np.abs(stray) > _STRAY).any(axis=1)
+        for k in np.flatnonzero(is_off):
+            self._move(int(rows[k]), stray[k])
+
+    def _move(self, robot: int, by: _Ints) -> None:
+        """Move a robot's window by some cells `by` (2,)."""
+        window = self._windows()[robot]
+        before = window.copy()
+        self._written.append(_Moved(robot, self._corner[robot].copy(), before))
+        window[:] = 0.0
+        to = []
+        origin = []
+        for step in np.clip(by, -WINDOW, WINDOW).tolist():
+            to.append(slice(max(-step, 0), WINDOW - max(step, 0)))
+            origin.append(slice(max(step, 0), WINDOW - max(-step, 0)))
+        window[tuple(to)] = before[tuple(origin)]
+        self._corner[robot] += by
