@@ -83,6 +83,7 @@ def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
     assert {".lock", ".draft"} <= {file.name for file in old.iterdir()}
     with results_folder(old, overwrite=True) as folder:
         for name in before:
+            (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(before[name])
     assert contents(old) == before
 
