@@ -243,6 +243,7 @@ CASES = {
             "robot": "--robot husky",
             "half_gauge": "--half-gauge 0.2",
             "contact_length": "--contact-length 0.5",
+            "ground": "--ground gravel",
             "friction_ratio": "--friction-ratio 1.3",
             "friction": "--slope 0.1 | --friction 0.5",
             "shear": "--shear 0.02",
