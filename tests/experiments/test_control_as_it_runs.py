@@ -57,6 +57,7 @@ def mine(tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("mine")
+@pytest.mark.slow
 def test_benchmark_warns_of_every_slow_controller(trackslip, short):
     names = [f"tardy:{name}" for name in ("InSense", "Stateful", "Later", "SlowThenBroken")]
     chosen = ("--controllers", "linear", *names, "--seeds", "0", "1")
