@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import singledispatch
 from typing import Any, Final
 
 import numpy as np
@@ -24,7 +25,6 @@ from trackslip.laws.base import SlipLaw
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TrackingErrors
 from trackslip.odometry.evaluation import OdometryErrors
-from trackslip.views.lookup import by_class
 
 _WIDTH: Final = 9.0  # width of a figure [in]
 _HEIGHT: Final = 3.4  # height of a figure with axes side by side [in]
@@ -53,11 +53,10 @@ class NotebookFigure(Figure):
 
 def plot(result: object, figure: Figure | None = None) -> Figure:
     """Draw a result into a `figure`, by default a new one."""
-    draw = by_class(_DRAWINGS, result)
     if figure is None:
         figure = NotebookFigure(figsize=(_WIDTH, _HEIGHT))
     figure.set_layout_engine("constrained")
-    draw(result, figure)
+    _draw(result, figure)
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(color="#e4e4e4", linewidth=0.7)
@@ -65,6 +64,13 @@ def plot(result: object, figure: Figure | None = None) -> Figure:
     return figure
 
 
+@singledispatch
+def _draw(result: object, figure: Figure) -> None:
+    """Draw a result, by its class or the next class above it."""
+    raise NotImplementedError(f"{type(result).__name__} has no view")
+
+
+@_draw.register(SlipLaw)
 def _law(law: SlipLaw, figure: Figure) -> None:
     """Slip of both tracks against the sharpness of the turn."""
     axes = figure.subplots()
@@ -109,6 +115,7 @@ def _label_slip(axes: Axes, title: str, half_gauge: float) -> None:
     axes.legend(frameon=False)
 
 
+@_draw.register(RunLog)
 def _log(log: RunLog, figure: Figure) -> None:
     """The measured path, and the sprocket speeds over time."""
     path, speeds = figure.subplots(1, 2)
@@ -132,6 +139,7 @@ def _log(log: RunLog, figure: Figure) -> None:
     speeds.legend(frameon=False)
 
 
+@_draw.register(Identification)
 def _identification(result: Identification, figure: Figure) -> None:
     """Slips of steady stretches with the best law, or errors of predictions by all laws."""
     if result.method == "drive" and result.drive is not None:
@@ -193,6 +201,7 @@ def _legend_or_reason(axes: Axes) -> None:
         axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center")
 
 
+@_draw.register(OdometryErrors)
 def _odometry(errors: OdometryErrors, figure: Figure) -> None:
     """Median and 90 % quantile of the errors against the distance driven."""
     for axes, (quantity, unit, factor) in zip(figure.subplots(1, 2), _QUANTITIES, strict=True):
@@ -210,6 +219,7 @@ def _odometry(errors: OdometryErrors, figure: Figure) -> None:
         _legend_or_reason(axes)
 
 
+@_draw.register(TrackingErrors)
 def _tracking(errors: TrackingErrors, figure: Figure) -> None:
     """Position errors as bars."""
     axes = figure.subplots()
@@ -227,6 +237,7 @@ def _tracking(errors: TrackingErrors, figure: Figure) -> None:
     axes.set(title="Position errors", xlabel="error [mm]")
 
 
+@_draw.register(BenchmarkResults)
 def _benchmark(results: BenchmarkResults, figure: Figure) -> None:
     """Mean errors of all entries, with intervals."""
     entries = results.entries
@@ -251,6 +262,7 @@ def _benchmark(results: BenchmarkResults, figure: Figure) -> None:
     axes.set(title="Benchmark", xlabel="rms position error from 12 s on [mm], with 95 % interval")
 
 
+@_draw.register(LogComparison)
 def _comparison(comparison: LogComparison, figure: Figure) -> None:
     """A forest plot of each multiplier, and the cost of one law for all."""
     rows = 1 + len(comparison.results)
@@ -304,15 +316,3 @@ def _interval(axes: Axes, row: int, gain: Gain, colour: str, marker: str) -> Non
 def _label_rows(axes: Axes, names: Sequence[str]) -> None:
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
-
-
-_DRAWINGS: Final[dict[type, Callable[[Any, Figure], None]]] = {
-    SlipLaw: _law,
-    RunLog: _log,
-    Identification: _identification,
-    OdometryErrors: _odometry,
-    TrackingErrors: _tracking,
-    BenchmarkResults: _benchmark,
-    LogComparison: _comparison,
-}
-"""The drawing of each kind of result."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import singledispatch
 from typing import Any, Final
 
 import numpy as np
@@ -19,7 +20,6 @@ from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import to_table
 from trackslip.metrics import TrackingErrors
 from trackslip.odometry.evaluation import OdometryErrors
-from trackslip.views.lookup import by_class
 from trackslip.views.symbols import symbol
 from trackslip.views.values import law_parameters
 
@@ -31,7 +31,7 @@ Row = dict[str, Any]
 
 def table(result: object) -> pa.Table:
     """The Arrow table of a result."""
-    of_result: pa.Table = by_class(_TABLES, result)(result)
+    of_result: pa.Table = _table(result)
     return of_result
 
 
@@ -39,6 +39,13 @@ def _of_rows(rows: Sequence[Row], schema: pa.Schema) -> pa.Table:
     return pa.Table.from_pylist([*rows], schema=schema)
 
 
+@singledispatch
+def _table(result: object) -> pa.Table:
+    """The table of a result, by its class or the next class above it."""
+    raise NotImplementedError(f"{type(result).__name__} has no view")
+
+
+@_table.register(SlipLaw)
 def _law(law: SlipLaw) -> pa.Table:
     """A row for each parameter; with many laws in one object, for each parameter of each law."""
     rows = list[Row]()
@@ -57,11 +64,13 @@ def _law(law: SlipLaw) -> pa.Table:
     return _of_rows(rows, _LAW)
 
 
+@_table.register(RunLog)
 def _log(log: RunLog) -> pa.Table:
     """A row for each scan, with the columns of a log file."""
     return to_table([log])
 
 
+@_table.register(Identification)
 def _identification(result: Identification) -> pa.Table:
     """A row for each multiplier of the answer, and then for each parameter of each law."""
     rows = list[Row]()
@@ -99,6 +108,7 @@ def _value(value: float, ends: Sequence[float] | None) -> Row:
     return {name: None if x is None or np.isnan(x) else x for name, x in known.items()}
 
 
+@_table.register(OdometryErrors)
 def _odometry(errors: OdometryErrors) -> pa.Table:
     """A row for each distance and each time after which errors are known."""
     rows = list[Row]()
@@ -114,11 +124,13 @@ def _odometry(errors: OdometryErrors) -> pa.Table:
     return _of_rows(rows, _ODOMETRY)
 
 
+@_table.register(TrackingErrors)
 def _tracking(errors: TrackingErrors) -> pa.Table:
     """One row with a column for each error."""
     return pa.Table.from_pylist([asdict(errors)])
 
 
+@_table.register(BenchmarkResults)
 def _benchmark(results: BenchmarkResults) -> pa.Table:
     """A row for each entry of the leaderboard; intervals are two columns, _low and _high."""
     rows = list[Row]()
@@ -134,6 +146,7 @@ def _benchmark(results: BenchmarkResults) -> pa.Table:
     return pa.Table.from_pylist(rows)
 
 
+@_table.register(LogComparison)
 def _comparison(comparison: LogComparison) -> pa.Table:
     """A row for each log and multiplier, with the cost of one law for all."""
     rows = list[Row]()
@@ -194,13 +207,3 @@ _COMPARISON: Final = pa.schema(
         "served": pa.string(),
     }
 )
-_TABLES: Final[dict[type, Callable[[Any], pa.Table]]] = {
-    SlipLaw: _law,
-    RunLog: _log,
-    Identification: _identification,
-    OdometryErrors: _odometry,
-    TrackingErrors: _tracking,
-    BenchmarkResults: _benchmark,
-    LogComparison: _comparison,
-}
-"""The table of each kind of result."""

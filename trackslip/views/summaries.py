@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import singledispatch
 from html import escape
-from typing import Any, Final
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from trackslip.laws.base import SlipLaw
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TrackingErrors
 from trackslip.odometry.evaluation import OdometryErrors
-from trackslip.views.lookup import by_class
 from trackslip.views.numbers import MISSING, number, with_interval
 from trackslip.views.values import law_parameters, multiplier_values, parameter_values
 
@@ -39,7 +38,7 @@ class Summary:
 
 def html(result: object) -> str:
     """The HTML of a result's summary."""
-    summary = by_class(_SUMMARIES, result)(result)
+    summary = _summary(result)
     alarms = [f"<p><strong>ALARM: {escape(line)}</strong></p>" for line in summary.alarms]
     rows = [f"<tr>{_cells('td', row)}</tr>" for row in summary.rows]
     notes = [f"<p>{escape(line)}</p>" for line in summary.notes]
@@ -65,11 +64,19 @@ def _cells(tag: str, texts: Sequence[str]) -> str:
     )
 
 
+@singledispatch
+def _summary(result: object) -> Summary:
+    """The summary of a result, by its class or the next class above it."""
+    raise NotImplementedError(f"{type(result).__name__} has no view")
+
+
+@_summary.register(SlipLaw)
 def _law(law: SlipLaw) -> Summary:
     rows = [(each.symbol, each.text, each.meaning) for each in law_parameters(law)]
     return Summary(f"Slip law {type(law).__name__}", ("parameter", "value", "meaning"), rows)
 
 
+@_summary.register(RunLog)
 def _log(log: RunLog) -> Summary:
     duration = log.time[-1] - log.time[0]
     interval = float(np.median(np.diff(log.time)))
@@ -110,6 +117,7 @@ def _poses(log: RunLog) -> str:
     return f"{counted(len(placed), 'position')} {area}, {counted(headed, 'heading')}"
 
 
+@_summary.register(Identification)
 def _identification(result: Identification) -> Summary:
     drive = result.drive if result.method == "drive" else None
     if drive is not None:
@@ -137,6 +145,7 @@ def _identification(result: Identification) -> Summary:
     )
 
 
+@_summary.register(OdometryErrors)
 def _odometry(errors: OdometryErrors) -> Summary:
     rows = list[tuple[str, ...]]()
     for unit, by_length in (("m", errors.after_metres), ("s", errors.after_seconds)):
@@ -163,6 +172,7 @@ def _quantiles(part: Statistics | None, factor: float, digits: int, unit: str) -
     return [text.replace(" °", "°") for text in texts]
 
 
+@_summary.register(TrackingErrors)
 def _tracking(errors: TrackingErrors) -> Summary:
     kept = "yes" if errors.success else "no"
     rows = [
@@ -183,6 +193,7 @@ def _millimetres(metres: float | None) -> str:
     return number(None if metres is None else 1e3 * metres, 1, "mm")
 
 
+@_summary.register(BenchmarkResults)
 def _benchmark(results: BenchmarkResults) -> Summary:
     rows = list[tuple[str, ...]]()
     for entry in results.entries:
@@ -210,6 +221,7 @@ def _benchmark(results: BenchmarkResults) -> Summary:
     return Summary(title, header, rows, notes=[note])
 
 
+@_summary.register(LogComparison)
 def _comparison(comparison: LogComparison) -> Summary:
     rows = list[tuple[str, ...]]()
     for name, cost in comparison.costs.items():
@@ -229,15 +241,3 @@ def _gain(gain: Gain, why_none: str = TOO_LITTLE) -> str:
     if math.isnan(gain.value):
         return MISSING
     return with_interval(gain.value, gain[1:], why_none=why_none)
-
-
-_SUMMARIES: Final[dict[type, Callable[[Any], Summary]]] = {
-    SlipLaw: _law,
-    RunLog: _log,
-    Identification: _identification,
-    OdometryErrors: _odometry,
-    TrackingErrors: _tracking,
-    BenchmarkResults: _benchmark,
-    LogComparison: _comparison,
-}
-"""The summary of each kind of result."""
