@@ -245,31 +245,58 @@ def _stretch(
         _clamped(-direction * places.way(last, first), places.headings(last)[:1], direction),
     )
 
-    def along(parameter: Array, through: Complex) -> ProfiledReference:
-        """The reference along the spline of these parameters (N,) through points (N,)."""
+    def along(parameter: Array, through: Complex, limit: Array | None) -> ProfiledReference:
+        """The reference along the spline of these parameters (N,) through points (N,), where the
+        speed is limited to `limit` (N,).
+        """
         path = ParametricPath(interpolated(parameter, through, ends), parameter)
-        if speed is None:
+        if limit is None:
             return ProfiledReference(path, limits, direction=direction)
 
         def speed_at(s: Array) -> Array:
-            return np.sqrt(np.interp(path.parameter(s), parameter, speed**2))
+            return np.sqrt(np.interp(path.parameter(s), parameter, limit**2))
 
         return ProfiledReference(path, limits, speed_at, direction)
 
     is_dense = places.lengths[first:last].min() < places.dense
     if len(points) < MIN_POINTS or not is_dense:
-        return along(chord_lengths(points), points)
-    smoother = along(*smoothed(points, places.slack[first : last + 1], ends))
+        return along(chord_lengths(points), points, speed)
+    slack = places.slack[first : last + 1]
+    away = _away_from_ends(points, slack)
+    limit = None if speed is None else speed[away]
+    try:
+        smoother = along(*smoothed(points[away], slack[away], ends), limit)
+    except InvalidValueError as error:
+        larger = f"; noise of the points needs a larger tolerance than {places.tolerance:.3g} m"
+        raise InvalidValueError(error.field, error.value, error.allowed + larger) from error
     # a curve turns at least as far as the chords between points on it (Milnor 1950)
     chords = np.diff(points)
     turned = float(np.abs(np.angle(chords[1:] / chords[:-1])).sum())
     if smoother.duration < _LEAST_GAIN * turned / limits.yaw_rate:
         return smoother
     try:
-        exact = along(chord_lengths(points), points)
+        exact = along(chord_lengths(points), points, speed)
     except InvalidValueError:  # too tight, or a cusp
         return smoother
     return smoother if smoother.duration < _LEAST_GAIN * exact.duration else exact
+
+
+def _away_from_ends(points: Complex, slack: Array) -> np.ndarray:
+    """Rows of the first and the last of some points (N,), and of those between that no path from
+    the first to the last comes within their `slack` (N,) of merely by beginning and ending [m].
+
+    Noise moves points beside an end against the way, so that a path would have to turn there.
+    """
+    from_first = np.abs(points - points[0])
+    from_last = np.abs(points - points[-1])
+    last = len(points) - 1
+    start = 1
+    while start < last and from_first[start] <= slack[start]:
+        start += 1
+    end = last - 1
+    while end >= start and from_last[end] <= slack[end]:
+        end -= 1
+    return np.array([0, *range(start, end + 1), last])
 
 
 def _clamped(way: complex, heading: Array, direction: int) -> complex | None:
