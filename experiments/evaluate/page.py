@@ -34,12 +34,13 @@ _HEADER: Final = (
     "heading [deg]",
     "90 % below",
     "rms",
-    "rate",
+    "drift",
+    "turn",
 )
 _NOTE: Final = (
     "All models predict the same motion: from every measured pose to the one nearest to the time "
-    "or distance ahead. Errors contain the noise of both poses. Rates: mean errors over the time "
-    "or the distance ahead."
+    "or distance ahead. Errors contain the noise of both poses. Drift and turn: mean errors in "
+    "position and heading over the time or the distance ahead."
 )
 _DOTS: Final = "Half of the errors are below the dot, 90 % of the errors below the end of the line."
 _BEGINS: Final = (
@@ -125,8 +126,8 @@ class Report:
                 is_best = prediction is best and [length, unit] == compared
                 name = replace(law_cell(model.name, is_best, formula=False), text=model.label)
                 pairs = f"{errors.count:,}"
-                rate = _rate(errors, length, unit)
-                rows.append((ahead, name, pairs, *_cells(errors), rate))
+                rates = _rates(errors, length, unit)
+                rows.append((ahead, name, pairs, *_cells(errors), *rates))
                 ahead = ""
         title = "Errors: median, the error that 90 % stay below, and rms"
         return Table(title, _HEADER, rows, "llr", _NOTE)
@@ -183,12 +184,12 @@ def _statistics(part: Statistics | None, factor: float, digits: int) -> list[str
     return [number(factor * value, digits) for value in values]
 
 
-def _rate(errors: PredictionErrors, length: float, unit: str) -> str:
-    """Mean errors per metre or per second ahead."""
+def _rates(errors: PredictionErrors, length: float, unit: str) -> tuple[str, str]:
+    """Mean errors in position and heading per metre or per second ahead."""
     position = errors.position.mean / length if errors.position else nan
     heading = errors.heading.mean / length if errors.heading else nan
-    forwards = percent(position) if unit == "m" else significant(position, "m/s")
-    return f"{forwards}, {significant(degrees(heading), f'°/{unit}')}"
+    drift = percent(position) if unit == "m" else significant(position, "m/s")
+    return drift, significant(degrees(heading), f"°/{unit}")
 
 
 @style.styled

@@ -172,21 +172,33 @@ def test_view_shows_the_robot_that_is_named(driven, tmp_path, refused):
 
 
 @pytest.mark.parametrize(
-    "odd",
+    ("odd", "missing"),
     [
-        {"geometry": {"half_gauge": "x", "sprocket_radius": {}}, "robot": {"mass": 10**400}},
-        {
-            "ground": {"patches": [None], "slope": "steep"},
-            "obstacles": [3],
-            "circle": {"radius": []},
-        },
+        (
+            {"geometry": {"half_gauge": "x", "sprocket_radius": {}}, "robot": {"mass": 10**400}},
+            {"/run/slip"},
+        ),
+        (
+            {
+                "ground": {"patches": [None], "slope": "steep"},
+                "obstacles": [3],
+                "circle": {"radius": []},
+            },
+            {"/field/posts", "/run/error", "/run/reference"},
+        ),
     ],
 )
-def test_parts_that_a_log_describes_otherwise_are_not_shown(driven, tmp_path, odd):
+def test_parts_that_a_log_describes_otherwise_are_not_shown(driven, tmp_path, odd, missing):
     log = replace(driven[1][1], scans=None)
     file = tmp_path / "odd.rrd"
+    described = file.with_name("described.rrd")
+    recording.record(described, [log])
     recording.record(file, [replace(log, metadata=log.metadata | odd)])
     require_pose(file, "/run/robot/chassis", log)
+
+    left_out = entities_of(described) - entities_of(file)
+    assert {"/".join(entity.split("/")[:3]) for entity in left_out} == missing
+    assert not any("patches" in entity for entity in entities_of(file))
 
 
 def test_view_refuses(driven, refused, monkeypatch):
