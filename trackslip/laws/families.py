@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +22,9 @@ from trackslip.laws.icr import MAX_COMPLIANCE, ConstantIcr, DiffDrive, IcrLoad, 
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
 _DIFFERENCE: Final = 1e-6  # step of finite differences, relative to the scales of the parameters
+
+Builder = Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
+"""Function that builds a law from parameters by name. It is picklable, as identifications are."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class LawFamily:
 
     title: str  # a short description
     parameters: Mapping[str, Parameter]  # free parameters by name, in the order of values in arrays
-    build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
+    build: Builder
     """Function that builds a law from parameter values, which are numbers or arrays of the same
     shape.
     """
@@ -91,22 +95,16 @@ class LawFamily:
         """
         if load is None:
             return self
-
-        def build(values: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
-            return self.build(values, geometry).under(load)
-
-        return replace(self, build=build)
+        return replace(self, build=partial(_built_under, load, self.build))
 
     def holding(self, values: Mapping[str, float]) -> LawFamily:
         """The family with some of its parameters held at `values`."""
         free = {
             name: parameter for name, parameter in self.parameters.items() if name not in values
         }
-
-        def build(fitted: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
-            return self.build({**values, **fitted}, geometry)
-
-        return replace(self, parameters=free, build=build)
+        return replace(
+            self, parameters=free, build=partial(_built_holding, dict(values), self.build)
+        )
 
     def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
         """Build the law with parameters (..., p), which represents many laws of shape (...)."""
@@ -136,18 +134,31 @@ class LawFamily:
         return np.array([half_gauge if p.unit == "m" else 1.0 for p in self.parameters.values()])
 
 
-def _build(kind: Callable[..., SlipLaw]) -> Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]:
-    """Return a function that builds laws of a kind from parameters and, for kinds that have it, the
-    half gauge.
-    """
+def _built_under(
+    load: Array, build: Builder, values: Mapping[str, Any], geometry: RobotGeometry
+) -> SlipLaw:
+    """The law that `build` makes of parameters, at tractions per unit load (..., 2) [-]."""
+    return build(values, geometry).under(load)
+
+
+def _built_holding(
+    held: Mapping[str, float],
+    build: Builder,
+    fitted: Mapping[str, Any],
+    geometry: RobotGeometry,
+) -> SlipLaw:
+    """The law that `build` makes of fitted parameters and of those that are held."""
+    return build({**held, **fitted}, geometry)
+
+
+def _built(
+    kind: Callable[..., SlipLaw], values: Mapping[str, Any], geometry: RobotGeometry
+) -> SlipLaw:
+    """A law of a kind from parameters and, for kinds that have it, the half gauge."""
     has_gauge = "half_gauge" in kind.__dataclass_fields__  # type: ignore[attr-defined]
-
-    def build(values: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
-        if has_gauge:
-            return kind(**values, half_gauge=geometry.half_gauge)
-        return kind(**values)
-
-    return build
+    if has_gauge:
+        return kind(**values, half_gauge=geometry.half_gauge)
+    return kind(**values)
 
 
 _ALPHA_OUTER: Final = Parameter(
@@ -252,29 +263,36 @@ GAINS: Final = "two_gains"
 # compared with other laws: an offset of the sensor lets it predict the same motion as icr_sides
 DIFF_DRIVE: Final = "diff_drive"
 FAMILIES: Final[dict[str, LawFamily]] = {
-    "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
+    "none": LawFamily("no slip", {}, partial(_built, NoSlip), _EVERYTHING),
     "exponential": LawFamily(
-        "exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential), of_drives=False
+        "exponential in radius, the paper's",
+        _EXPONENTIAL,
+        partial(_built, Exponential),
+        of_drives=False,
     ),
     "exponential_speed": LawFamily(
         "exponential in radius, with a term of speed",
         _EXPONENTIAL | {"gamma_outer": _GROWTH, "gamma_inner": _GROWTH},
-        _build(ExponentialSpeed),
+        partial(_built, ExponentialSpeed),
         of_drives=False,
     ),
     "icr": LawFamily(
-        "constant ICR", {"offset": _OFFSET}, _build(ConstantIcr), _EVERYTHING, of_drives=False
+        "constant ICR",
+        {"offset": _OFFSET},
+        partial(_built, ConstantIcr),
+        _EVERYTHING,
+        of_drives=False,
     ),
     "icr_radius": LawFamily(
         "constant ICR, with an error of the effective sprocket radius",
         _RADIUS,
-        _build(ConstantIcr),
+        partial(_built, ConstantIcr),
         _EVERYTHING,
     ),
     GAINS: LawFamily(
         "constant ICR, from gains of speed and yaw rate by regression",
         _RADIUS,
-        _build(ConstantIcr),
+        partial(_built, ConstantIcr),
         _EVERYTHING,
         of_runs=False,
         of_drives=False,
@@ -282,18 +300,18 @@ FAMILIES: Final[dict[str, LawFamily]] = {
     DIFF_DRIVE: LawFamily(
         "differential drive: constant ICR, with ε of each side",
         {"offset": _OFFSET, **_RADIUS_SIDES},
-        _build(DiffDrive),
+        partial(_built, DiffDrive),
         _EVERYTHING,
         of_runs=False,
         of_drives=False,
     ),
     "turn_loss": LawFamily(
-        "constant ICR, with a loss of speed in turns", _LOSS, _build(TurnLoss), _PROGRAMS
+        "constant ICR, with a loss of speed in turns", _LOSS, partial(_built, TurnLoss), _PROGRAMS
     ),
     "turn_loss_sides": LawFamily(
         "constant ICR, with a loss of speed in turns and ε of each side",
         {"offset": _OFFSET, **_RADIUS_SIDES, "turn_loss": _TURN_LOSS},
-        _build(TurnLossSides),
+        partial(_built, TurnLossSides),
         _PROGRAMS,
         two_sided=True,
     ),
@@ -301,20 +319,20 @@ FAMILIES: Final[dict[str, LawFamily]] = {
         "constant ICR, with a loss of speed in turns and slip in proportion to the lateral "
         "acceleration",
         _LOSS | {"centrifugal_slip": _CENTRIFUGAL_SLIP},
-        _build(Centrifugal),
+        partial(_built, Centrifugal),
         fast=True,
     ),
     "icr_load": LawFamily(
         "constant ICR, with slip in proportion to the traction",
         _RADIUS | {"compliance": _COMPLIANCE, "turn_compliance": _TURN_COMPLIANCE},
-        _build(IcrLoad),
+        partial(_built, IcrLoad),
         loaded=True,
         of_drives=False,
     ),
     "icr_sides": LawFamily(
         "constant ICR, left and right different",
         {"offset_left": _OFFSET, "offset_right": _OFFSET, **_RADIUS_SIDES},
-        _build(IcrSides),
+        partial(_built, IcrSides),
         _EVERYTHING,
         two_sided=True,
     ),

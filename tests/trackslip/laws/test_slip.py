@@ -1,3 +1,5 @@
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -229,3 +231,14 @@ def test_laws_that_turn_on_the_spot_are_continuous_there(law):
     assert law.turns_on_the_spot == (step < 0.01)
     if law.turns_on_the_spot:
         np.testing.assert_allclose(law.twist(in_place, GEOMETRY), [0.0, 0.3], atol=1e-9)
+
+
+@pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
+def test_families_survive_a_pickle(family):
+    """As identifications hold them, which notebooks keep and other processes return."""
+    start = dict(zip(family.names, family.starts(GEOMETRY.half_gauge)[0], strict=True))
+    held = dict(list(start.items())[1:])
+    for each in (family, family.holding(held), family.under(np.ones((1, 2)))):
+        again = pickle.loads(pickle.dumps(each))
+        values = each.starts(GEOMETRY.half_gauge)[0]
+        np.testing.assert_equal(vars(again.law(values, GEOMETRY)), vars(each.law(values, GEOMETRY)))
