@@ -238,7 +238,7 @@ def test_families_survive_a_pickle(family):
     """As identifications hold them, which notebooks keep and other processes return."""
     start = dict(zip(family.names, family.starts(GEOMETRY.half_gauge)[0], strict=True))
     held = dict(list(start.items())[1:])
-    for each in (family, family.holding(held), family.under(np.ones((1, 2)))):
+    for each in (family, family.holding(held), family.under(np.full(2, 0.05))):
         again = pickle.loads(pickle.dumps(each))
         values = each.starts(GEOMETRY.half_gauge)[0]
         np.testing.assert_equal(vars(again.law(values, GEOMETRY)), vars(each.law(values, GEOMETRY)))
