@@ -72,6 +72,7 @@ def drawn(name: str, drawing: Figure | Chart, pdf: bool = False) -> Drawn:
         pages = io.BytesIO()
         figure.savefig(svg, format="svg", metadata={"Date": None})
         if pdf:
+            figure.set_layout_engine("none")  # the layout is that of the page
             figure.savefig(pages, format="pdf", metadata={"CreationDate": None})
     is_narrow = figure.get_figwidth() < 6.0
     return Drawn(name, svg.getvalue().decode(), pages.getvalue(), is_narrow, live)
