@@ -26,6 +26,10 @@ Dahl's model does, so that nothing pushes a robot at rest. Ahead means in the di
 track's end moves, which is to the side if a robot turns on the spot, in a rut that it has already
 pressed.
 
+A track that tilts lifts its front. Its elements are sheared from where they touch the soil, which
+`advance` finds. Soil acts along a track, so that its thrust passes through the middle of the track;
+`FleetGround.traction_moment` undoes the moment of the engine's, which acts at the pads' heights.
+
 Each robot's cells are in a window that moves with it, in steps of whole cells. Ruts that leave the
 window are forgotten.
 """
@@ -54,6 +58,7 @@ _STRAY: Final = 32  # distance of a robot from the middle of its window that mov
 _AHEAD: Final = 1.5  # distance ahead of a track's end at which soil is undisturbed by it [cells]
 _ROUNDS: Final = 4  # of Newton's method for (1), to a millionth
 _MOST_FRICTION: Final = 10.0  # that pads with hardly any load have, because of cohesion [-]
+_LEAST_RISE: Final = 1e-9  # of a track that rises from the soil, over its length [-]
 _TINY: Final = 1e-300
 _MOVES: Final = 1e-9  # shortest motion with a direction [m]
 _Ints = NDArray[np.int_]
@@ -106,6 +111,9 @@ class Ruts(Restorable):
         "_travel",
         "margin",
         "floor",
+        "compression",
+        "height",
+        "traction",
         "friction",
         "resistance",
         "deepest",
@@ -160,6 +168,14 @@ class Ruts(Restorable):
         """Depths (N, P) at which the pads' contacts begin [m]."""
         self.floor = np.zeros(size)
         """Means (N,) of these depths [m]."""
+        self.compression = np.zeros((size, pads))
+        """Compressions (N, P) of the springs, proportional to the pads' loads, 0 in the air [m]."""
+        self.height = np.zeros((size, pads))
+        """Heights (N, P) of the contact points above the robots' origins [m]."""
+        self.traction = np.zeros((size, 2))
+        """Forces (N, 2) of the ground on the tracks in the last period, forwards, which the fleet
+        sets [N].
+        """
         self.friction = np.ones((size, pads, 2))
         """Friction coefficients (N, P, 2) along and across the tracks [-]."""
         self.resistance = np.zeros((size, 2))
@@ -177,7 +193,7 @@ class Ruts(Restorable):
         """Views of the arrays that a period changes, with the robots on the first axis; `undo`
         restores the ruts themselves, and `press` what follows from them.
         """
-        return self._slip, self._travel, self.resistance
+        return self._slip, self._travel, self.resistance, self.traction
 
     def put(self, rows: _Ints, soils: Sequence[Soil | None], give: Array) -> None:
         """Put the robots `rows` (R,) on soils, or with None on firm ground; their springs `give`
@@ -191,6 +207,7 @@ class Ruts(Restorable):
             else:
                 self.margin[row] = 0.0
                 self.floor[row] = 0.0
+                self.compression[row] = 0.0
                 self.resistance[row] = 0.0
                 self.deepest[row] = 0.0
 
@@ -202,6 +219,7 @@ class Ruts(Restorable):
         self._slip[rows] = 0.0
         self._travel[rows] = 0.0
         self.resistance[rows] = 0.0
+        self.traction[rows] = 0.0
 
     def mark(self) -> None:
         """Forget how to undo what was pressed so far."""
@@ -256,14 +274,19 @@ class Ruts(Restorable):
         rut = self._depth[cells].astype(float)
 
         # the contact of springs that bear on all cells that they reach
-        squeezed = np.maximum(depth[..., None] - rut, 0.0).mean(axis=-1)  # (R, P) [m]
-        reaches = squeezed > 0
-        margin = np.where(reaches, depth - squeezed, rut.min(axis=-1))
+        compression = np.maximum(depth[..., None] - rut, 0.0).mean(axis=-1)  # (R, P) [m]
+        reaches = compression > 0
+        margin = np.where(reaches, depth - compression, rut.min(axis=-1))
+        floor = margin.mean(axis=1)
+        self.compression[rows] = compression
         self.margin[rows] = margin
-        self.floor[rows] = margin.mean(axis=1)
+        self.floor[rows] = floor
+
+        # the engine puts contact points midway between the pads and the ground
+        self.height[rows] = -pose[:, 2:3] - (depth + floor[:, None]) / 2
 
         # the strength of the soil over the pressure
-        pressure = np.where(reaches, squeezed, np.inf) / self._give[rows, None]
+        pressure = np.where(reaches, compression, np.inf) / self._give[rows, None]
         along = soil.friction[:, None] + soil.cohesion[:, None] / pressure
         bulldozed = (soil.by_square[:, None] * margin + soil.by_depth[:, None]) * margin
         across = along + bulldozed / (self._width * pressure)
@@ -280,8 +303,9 @@ class Ruts(Restorable):
         self.deepest[rows] = deepest.mean(axis=-1)
         return deepest
 
-    def advance(self, rows: _Ints, before: Array, after: Array, pose: Array, belt: Array) -> None:
-        """Update ruts and resistances after a period in which the robots `rows` (R,) moved.
+    def advance(self, rows: _Ints, before: Array, after: Array, pose: Array, belt: Array) -> Array:
+        """Update ruts and resistances after a period in which the robots `rows` (R,) moved, and
+        return the lengths (R, 2) of the tracks that are in the air where their belts enter [m].
 
         Args:
             rows: indices of the robots.
@@ -293,9 +317,10 @@ class Ruts(Restorable):
         self._follow(rows, after[:2].T)
         soil = self._of(rows)
 
-        # motion of the robots in their own frames, and of their tracks
+        # motion of the robots in their own frames, and of their tracks; in `before`, cosine and
+        # sine are the horizontal components of an axis that a pitch shortens
         x_change, y_change = (after - before)[:2]
-        cos, sin = before[2:]
+        cos, sin = before[2:] / np.hypot(before[2], before[3])
         ahead = cos * x_change + sin * y_change
         aside = cos * y_change - sin * x_change
         turn = cos * after[3] - sin * after[2]
@@ -332,6 +357,29 @@ class Ruts(Restorable):
         power = exponent[..., None]
         work = np.maximum(deepest**power - untouched**power, 0.0).mean(axis=-1)
         self.resistance[rows] = -self._width * scale * work * (travel / GROWTH)
+
+        lifted = self._lifted(rows, pose, front, untouched.mean(axis=-1))
+        return np.where(front * belt > 0, lifted, 0.0)
+
+    def _lifted(self, rows: _Ints, pose: Array, front: Array, ahead: Array) -> Array:
+        """Lengths (R, 2) in the air at the tracks' ends in the direction `front` (R, 2), 1 or -1,
+        with ruts of the depths `ahead` (R, 2) of them [m].
+
+        The contact begins where a straight track is as deep as the soil ahead, between the first
+        pad that touches and the pad, or the track's end, ahead of it.
+        """
+        _, _, z, by_x, by_y, by_z, _ = pose.T[..., None]
+        end = front * (self._length / 2)
+        depth = -(z + by_x * end + by_y * self._side + (by_z - 1) * self._radius)
+        rise = np.maximum(front * by_x, _LEAST_RISE)
+        distance = np.maximum(ahead - depth, 0.0) / rise
+
+        # from the rear to the end at the front
+        is_free = (self.compression[rows] == 0).reshape(len(rows), 2, -1)
+        is_free = np.where(front[..., None] > 0, is_free[..., ::-1], is_free)
+        pads = np.logical_and.accumulate(is_free, axis=-1).sum(axis=-1)
+        spacing = self._length / is_free.shape[-1]
+        return np.clip(distance, np.maximum(pads - 0.5, 0.0) * spacing, (pads + 0.5) * spacing)
 
     def _slide(self, rows: _Ints, motion: Array, run: Array) -> None:
         """Update slips and travels after tracks moved by `motion` and their belts ran by `run` (R,
