@@ -48,8 +48,12 @@ from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
 from trackslip.skid_theory import Soil
 
-LINES: Final = 4
-"""Number of lines along a track, with a cell's width between them."""
+LEAST_LINES: Final = 4
+"""Least number of lines along a track, with a cell's width between them."""
+CELL: Final = 0.7
+"""Largest width of a cell over the distance between pads: no two pads of a track are in one cell,
+in whatever direction the track points.
+"""
 WINDOW: Final = 256
 """Number of cells along the side of the window in which ruts are remembered."""
 GROWTH: Final = 0.002
@@ -136,18 +140,20 @@ class Ruts(Restorable):
         self._width = width
         self._period = period
         self._radius = radius
-        self._cell = width / LINES
         pads = len(place)
         self._pads = pads
+        spacing = 2 * length / pads
+        lines = max(LEAST_LINES, math.ceil(width / (CELL * spacing)))
+        self._cell = width / lines
         self._side = place[:, 1].reshape(2, -1)[:, 0]  # lateral places (2,) of the tracks [m]
         # the pads, and the rear and front ends of both tracks, which lie beyond the last pads
         ends = np.array([-1.0, 1.0]) * (length / 2)
         self._x = np.concatenate([place[:, 0], ends, ends])
         self._y = np.concatenate([place[:, 1], self._side.repeat(2)])
         self._track = (self._y < self._side.mean()).astype(int)  # 0 left, 1 right
-        self._lines = self._cell * (np.arange(LINES) - (LINES - 1) / 2)  # (L,) [m]
+        self._lines = self._cell * (np.arange(lines) - (lines - 1) / 2)  # (L,) [m]
         # places of the cells under the pads (P L,), pad by pad [m]
-        self._under_x = place[:, 0].repeat(LINES)
+        self._under_x = place[:, 0].repeat(lines)
         self._under_y = np.add.outer(place[:, 1], self._lines).ravel()
         self._side_lines = np.add.outer(self._side, self._lines)  # (2, L) [m]
 
@@ -262,7 +268,7 @@ class Ruts(Restorable):
         pressed = pressed_at_all[:, : self._pads]
 
         # write the cells that become deeper
-        cells = under.reshape(len(rows), -1, LINES)  # (R, P, L)
+        cells = under.reshape(len(rows), -1, len(self._lines))  # (R, P, L)
         before = self._depth[cells]
         after = np.maximum(before, pressed[..., None].astype(np.float32))
         is_deeper = after > before
@@ -298,7 +304,7 @@ class Ruts(Restorable):
         # the depth of each line, also at the ends of the tracks, which write no cells, so that soil
         # ahead of them stays untouched
         deepest_end = pressed_at_all[:, self._pads :].reshape(-1, 2, 2).max(axis=-1)
-        by_track = rut.reshape(len(rows), 2, -1, LINES).max(axis=2)  # (R, 2, L)
+        by_track = rut.reshape(len(rows), 2, -1, len(self._lines)).max(axis=2)  # (R, 2, L)
         deepest = np.maximum(by_track, deepest_end[..., None])
         self.deepest[rows] = deepest.mean(axis=-1)
         return deepest
@@ -340,11 +346,11 @@ class Ruts(Restorable):
 
         # the cells under the pads, and those that the ends meet
         count = len(self._under_x)
-        x = np.empty((len(rows), count + 2 * LINES))
+        x = np.empty((len(rows), count + self._side_lines.size))
         y = np.empty_like(x)
         x[:, :count] = self._under_x
         y[:, :count] = self._under_y
-        x[:, count:] = meets_x.repeat(LINES, axis=1)
+        x[:, count:] = meets_x.repeat(len(self._lines), axis=1)
         y[:, count:] = meets_y.reshape(len(rows), -1)
         cells = self._cells(rows, pose, x, y)
         deepest = self._press(rows, pose, cells[:, :count], soil)
