@@ -310,6 +310,10 @@ class Fleet(Simulations):
                 self._tow(rows)
             self._set_belts(rows, belts[k])
             parts.append(self._roll(rows, periods_at_once))
+            if self.ruts is not None:
+                data, ahead = parts[-1]
+                mean_force = data[..., :6].mean(axis=1)
+                self.ruts.traction[rows] = _along(mean_force, ahead[:, -1])
             if before is not None:
                 after = self._places(rows)
                 pose = None if self.ruts is None else self._stance(rows)
@@ -413,6 +417,7 @@ class Fleet(Simulations):
             half_gauge = self.robot.geometry.half_gauge
             force = force - (left + right)
             pitch = pitch - (left + right) * centre[..., 2]
+            pitch = pitch - self._ground.traction_moment(rows)
             yaw = yaw + (left + right) * centre[..., 1] + (right - left) * half_gauge
         pull = [-force * cos, -force * sin, np.zeros_like(force)]
         moment = [-pitch * sin, pitch * cos, yaw]

@@ -30,6 +30,7 @@ _LIGHTEST: Final = 0.05  # smallest load of a point at rest, relative to the mea
 _AT_REST: Final = 0.005
 _UPRIGHT: Final = 0.1  # roll and pitch below which a robot stands on its tracks [rad]
 _ROUNDING: Final = 1e-9  # tolerance on the time of a change [s]
+_TINY: Final = 1e-300
 
 
 class PadFriction:
@@ -248,6 +249,22 @@ class FleetGround(Restorable):
             self._write_ruts(soft)
             self.share(soft)
 
+    def traction_moment(self, rows: Rows) -> Array:
+        """Moments (R,) by which the tractions in ruts pitch the robots `rows` (R,) forwards, about
+        their origins [N m].
+
+        Soil acts along a track, whose line passes through the robot's origin, and so without a
+        moment. The engine's tractions are horizontal at contact points of different heights. They
+        are assumed proportional to load times friction.
+        """
+        assert self._ruts is not None
+        by_pad = self._ruts.compression[rows] * self._pads[rows, :, 0]
+        by_track = by_pad.reshape(len(by_pad), 2, -1)
+        height = self._ruts.height[rows].reshape(by_track.shape)
+        total = np.maximum(by_track.sum(axis=-1), _TINY)
+        mean_height = (by_track * height).sum(axis=-1) / total
+        return np.asarray((self._ruts.traction[rows] * mean_height).sum(axis=-1))
+
     def sinkage(self, rows: np.ndarray) -> Array:
         """Sinkages (R,) of the robots `rows` (R,) at rest, under an even pressure [m]."""
         sinkage = np.zeros(len(rows))
@@ -307,15 +324,18 @@ class FleetGround(Restorable):
         """Shear and press the ground by the motion of the robots `rows` (R,) in a period; see
         `Ruts.advance` for arguments.
         """
+        lifted = None
         if self._ruts is not None and pose is not None:
             soft = self._soft(rows)
             if soft.size:
                 which = self._ruts.is_soft[rows]
                 places = (before[:, which], after[:, which])
-                self._ruts.advance(soft, *places, pose[which], belt[which])
+                lifted = np.zeros_like(belt)
+                lifted[which] = self._ruts.advance(soft, *places, pose[which], belt[which])
                 self._write_ruts(soft)
         if self._shear is not None:
-            self._shear.advance(rows, before, after, belt, self._surface[rows, ..., 2])
+            modulus = self._surface[rows, ..., 2]
+            self._shear.advance(rows, before, after, belt, modulus, lifted)
             self.share(rows)
 
     def hold(self, rows: np.ndarray, heading: Array, drawbar: Array, height: float) -> None:

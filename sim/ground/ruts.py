@@ -26,6 +26,10 @@ Dahl's model does, so that nothing pushes a robot at rest. Ahead means in the di
 track's end moves, which is to the side if a robot turns on the spot, in a rut that it has already
 pressed.
 
+A track that tilts lifts its front. Its elements are sheared from where they touch the soil, which
+`advance` finds. Soil acts along a track, so that its thrust passes through the middle of the track;
+`FleetGround.traction_moment` undoes the moment of the engine's, which acts at the pads' heights.
+
 Each robot's cells are in a window that moves with it, in steps of whole cells. Ruts that leave the
 window are forgotten.
 """
@@ -44,8 +48,12 @@ from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
 from trackslip.skid_theory import Soil
 
-LINES: Final = 4
-"""Number of lines along a track, with a cell's width between them."""
+LEAST_LINES: Final = 4
+"""Least number of lines along a track, with a cell's width between them."""
+CELL: Final = 0.7
+"""Largest width of a cell over the distance between pads: no two pads of a track are in one cell,
+in whatever direction the track points.
+"""
 WINDOW: Final = 256
 """Number of cells along the side of the window in which ruts are remembered."""
 GROWTH: Final = 0.002
@@ -54,6 +62,7 @@ _STRAY: Final = 32  # distance of a robot from the middle of its window that mov
 _AHEAD: Final = 1.5  # distance ahead of a track's end at which soil is undisturbed by it [cells]
 _ROUNDS: Final = 4  # of Newton's method for (1), to a millionth
 _MOST_FRICTION: Final = 10.0  # that pads with hardly any load have, because of cohesion [-]
+_LEAST_RISE: Final = 1e-9  # of a track that rises from the soil, over its length [-]
 _TINY: Final = 1e-300
 _MOVES: Final = 1e-9  # shortest motion with a direction [m]
 _Ints = NDArray[np.int_]
@@ -106,6 +115,9 @@ class Ruts(Restorable):
         "_travel",
         "margin",
         "floor",
+        "compression",
+        "height",
+        "traction",
         "friction",
         "resistance",
         "deepest",
@@ -128,18 +140,20 @@ class Ruts(Restorable):
         self._width = width
         self._period = period
         self._radius = radius
-        self._cell = width / LINES
         pads = len(place)
         self._pads = pads
+        spacing = 2 * length / pads
+        lines = max(LEAST_LINES, math.ceil(width / (CELL * spacing)))
+        self._cell = width / lines
         self._side = place[:, 1].reshape(2, -1)[:, 0]  # lateral places (2,) of the tracks [m]
         # the pads, and the rear and front ends of both tracks, which lie beyond the last pads
         ends = np.array([-1.0, 1.0]) * (length / 2)
         self._x = np.concatenate([place[:, 0], ends, ends])
         self._y = np.concatenate([place[:, 1], self._side.repeat(2)])
         self._track = (self._y < self._side.mean()).astype(int)  # 0 left, 1 right
-        self._lines = self._cell * (np.arange(LINES) - (LINES - 1) / 2)  # (L,) [m]
+        self._lines = self._cell * (np.arange(lines) - (lines - 1) / 2)  # (L,) [m]
         # places of the cells under the pads (P L,), pad by pad [m]
-        self._under_x = place[:, 0].repeat(LINES)
+        self._under_x = place[:, 0].repeat(lines)
         self._under_y = np.add.outer(place[:, 1], self._lines).ravel()
         self._side_lines = np.add.outer(self._side, self._lines)  # (2, L) [m]
 
@@ -160,6 +174,14 @@ class Ruts(Restorable):
         """Depths (N, P) at which the pads' contacts begin [m]."""
         self.floor = np.zeros(size)
         """Means (N,) of these depths [m]."""
+        self.compression = np.zeros((size, pads))
+        """Compressions (N, P) of the springs, proportional to the pads' loads, 0 in the air [m]."""
+        self.height = np.zeros((size, pads))
+        """Heights (N, P) of the contact points above the robots' origins [m]."""
+        self.traction = np.zeros((size, 2))
+        """Forces (N, 2) of the ground on the tracks in the last period, forwards, which the fleet
+        sets [N].
+        """
         self.friction = np.ones((size, pads, 2))
         """Friction coefficients (N, P, 2) along and across the tracks [-]."""
         self.resistance = np.zeros((size, 2))
@@ -177,7 +199,7 @@ class Ruts(Restorable):
         """Views of the arrays that a period changes, with the robots on the first axis; `undo`
         restores the ruts themselves, and `press` what follows from them.
         """
-        return self._slip, self._travel, self.resistance
+        return self._slip, self._travel, self.resistance, self.traction
 
     def put(self, rows: _Ints, soils: Sequence[Soil | None], give: Array) -> None:
         """Put the robots `rows` (R,) on soils, or with None on firm ground; their springs `give`
@@ -191,6 +213,7 @@ class Ruts(Restorable):
             else:
                 self.margin[row] = 0.0
                 self.floor[row] = 0.0
+                self.compression[row] = 0.0
                 self.resistance[row] = 0.0
                 self.deepest[row] = 0.0
 
@@ -202,6 +225,7 @@ class Ruts(Restorable):
         self._slip[rows] = 0.0
         self._travel[rows] = 0.0
         self.resistance[rows] = 0.0
+        self.traction[rows] = 0.0
 
     def mark(self) -> None:
         """Forget how to undo what was pressed so far."""
@@ -244,7 +268,7 @@ class Ruts(Restorable):
         pressed = pressed_at_all[:, : self._pads]
 
         # write the cells that become deeper
-        cells = under.reshape(len(rows), -1, LINES)  # (R, P, L)
+        cells = under.reshape(len(rows), -1, len(self._lines))  # (R, P, L)
         before = self._depth[cells]
         after = np.maximum(before, pressed[..., None].astype(np.float32))
         is_deeper = after > before
@@ -256,14 +280,19 @@ class Ruts(Restorable):
         rut = self._depth[cells].astype(float)
 
         # the contact of springs that bear on all cells that they reach
-        squeezed = np.maximum(depth[..., None] - rut, 0.0).mean(axis=-1)  # (R, P) [m]
-        reaches = squeezed > 0
-        margin = np.where(reaches, depth - squeezed, rut.min(axis=-1))
+        compression = np.maximum(depth[..., None] - rut, 0.0).mean(axis=-1)  # (R, P) [m]
+        reaches = compression > 0
+        margin = np.where(reaches, depth - compression, rut.min(axis=-1))
+        floor = margin.mean(axis=1)
+        self.compression[rows] = compression
         self.margin[rows] = margin
-        self.floor[rows] = margin.mean(axis=1)
+        self.floor[rows] = floor
+
+        # the engine puts contact points midway between the pads and the ground
+        self.height[rows] = -pose[:, 2:3] - (depth + floor[:, None]) / 2
 
         # the strength of the soil over the pressure
-        pressure = np.where(reaches, squeezed, np.inf) / self._give[rows, None]
+        pressure = np.where(reaches, compression, np.inf) / self._give[rows, None]
         along = soil.friction[:, None] + soil.cohesion[:, None] / pressure
         bulldozed = (soil.by_square[:, None] * margin + soil.by_depth[:, None]) * margin
         across = along + bulldozed / (self._width * pressure)
@@ -275,13 +304,14 @@ class Ruts(Restorable):
         # the depth of each line, also at the ends of the tracks, which write no cells, so that soil
         # ahead of them stays untouched
         deepest_end = pressed_at_all[:, self._pads :].reshape(-1, 2, 2).max(axis=-1)
-        by_track = rut.reshape(len(rows), 2, -1, LINES).max(axis=2)  # (R, 2, L)
+        by_track = rut.reshape(len(rows), 2, -1, len(self._lines)).max(axis=2)  # (R, 2, L)
         deepest = np.maximum(by_track, deepest_end[..., None])
         self.deepest[rows] = deepest.mean(axis=-1)
         return deepest
 
-    def advance(self, rows: _Ints, before: Array, after: Array, pose: Array, belt: Array) -> None:
-        """Update ruts and resistances after a period in which the robots `rows` (R,) moved.
+    def advance(self, rows: _Ints, before: Array, after: Array, pose: Array, belt: Array) -> Array:
+        """Update ruts and resistances after a period in which the robots `rows` (R,) moved, and
+        return the lengths (R, 2) of the tracks that are in the air where their belts enter [m].
 
         Args:
             rows: indices of the robots.
@@ -293,9 +323,10 @@ class Ruts(Restorable):
         self._follow(rows, after[:2].T)
         soil = self._of(rows)
 
-        # motion of the robots in their own frames, and of their tracks
+        # motion of the robots in their own frames, and of their tracks; in `before`, cosine and
+        # sine are the horizontal components of an axis that a pitch shortens
         x_change, y_change = (after - before)[:2]
-        cos, sin = before[2:]
+        cos, sin = before[2:] / np.hypot(before[2], before[3])
         ahead = cos * x_change + sin * y_change
         aside = cos * y_change - sin * x_change
         turn = cos * after[3] - sin * after[2]
@@ -315,11 +346,11 @@ class Ruts(Restorable):
 
         # the cells under the pads, and those that the ends meet
         count = len(self._under_x)
-        x = np.empty((len(rows), count + 2 * LINES))
+        x = np.empty((len(rows), count + self._side_lines.size))
         y = np.empty_like(x)
         x[:, :count] = self._under_x
         y[:, :count] = self._under_y
-        x[:, count:] = meets_x.repeat(LINES, axis=1)
+        x[:, count:] = meets_x.repeat(len(self._lines), axis=1)
         y[:, count:] = meets_y.reshape(len(rows), -1)
         cells = self._cells(rows, pose, x, y)
         deepest = self._press(rows, pose, cells[:, :count], soil)
@@ -332,6 +363,29 @@ class Ruts(Restorable):
         power = exponent[..., None]
         work = np.maximum(deepest**power - untouched**power, 0.0).mean(axis=-1)
         self.resistance[rows] = -self._width * scale * work * (travel / GROWTH)
+
+        lifted = self._lifted(rows, pose, front, untouched.mean(axis=-1))
+        return np.where(front * belt > 0, lifted, 0.0)
+
+    def _lifted(self, rows: _Ints, pose: Array, front: Array, ahead: Array) -> Array:
+        """Lengths (R, 2) in the air at the tracks' ends in the direction `front` (R, 2), 1 or -1,
+        with ruts of the depths `ahead` (R, 2) of them [m].
+
+        The contact begins where a straight track is as deep as the soil ahead, between the first
+        pad that touches and the pad, or the track's end, ahead of it.
+        """
+        _, _, z, by_x, by_y, by_z, _ = pose.T[..., None]
+        end = front * (self._length / 2)
+        depth = -(z + by_x * end + by_y * self._side + (by_z - 1) * self._radius)
+        rise = np.maximum(front * by_x, _LEAST_RISE)
+        distance = np.maximum(ahead - depth, 0.0) / rise
+
+        # from the rear to the end at the front
+        is_free = (self.compression[rows] == 0).reshape(len(rows), 2, -1)
+        is_free = np.where(front[..., None] > 0, is_free[..., ::-1], is_free)
+        pads = np.logical_and.accumulate(is_free, axis=-1).sum(axis=-1)
+        spacing = self._length / is_free.shape[-1]
+        return np.clip(distance, np.maximum(pads - 0.5, 0.0) * spacing, (pads + 0.5) * spacing)
 
     def _slide(self, rows: _Ints, motion: Array, run: Array) -> None:
         """Update slips and travels after tracks moved by `motion` and their belts ran by `run` (R,

@@ -26,7 +26,7 @@ together.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,10 +49,18 @@ _FLAT: Final = 1e-6
 _RESERVE: Final = 1.02  # friction mobilised at rest over the push, so that no point slides [-]
 _MOST_AT_REST: Final = 0.999  # largest share of the friction at rest [-]
 _ROUNDS: Final = 10
+_STILL: Final = 1e-9  # travel of a belt in a step that carries no elements [m]
 _TINY: Final = 1e-300
 _FRONT: Final = -1
 _REAR: Final = 0
 _Rows = np.ndarray | slice
+
+
+class _Air(NamedTuple):
+    """Numbers of steps until elements in the air touch down, 0 for those on the ground."""
+
+    at_points: Array  # (p, R, T)
+    beyond: Array  # (R, T) a cell beyond the end where elements enter, 0 unless the end is lifted
 
 
 class Shear(Restorable):
@@ -107,7 +115,13 @@ class Shear(Restorable):
         self.share[rows] = 1.0
 
     def advance(
-        self, rows: _Rows, before: Array, after: Array, belt: Array, modulus: Array
+        self,
+        rows: _Rows,
+        before: Array,
+        after: Array,
+        belt: Array,
+        modulus: Array,
+        lifted: Array | None = None,
     ) -> None:
         """Update displacements and shares for a period in which the robots `rows` (R,) move.
 
@@ -117,6 +131,8 @@ class Shear(Restorable):
                 heading.
             belt: belt speeds (R, 2), positive forwards [m/s].
             modulus: shear moduli (R, P) under the points [m].
+            lifted: lengths (R, T) of the patches that are in the air at the end where elements
+                enter; None for none [m].
         """
         belt = belt.repeat(self._patches, axis=1)  # (R, T)
         modulus = modulus.reshape(*belt.shape, -1).transpose(2, 0, 1)  # (p, R, T)
@@ -128,13 +144,17 @@ class Shear(Restorable):
         change = (after - before) / self._steps
         place = before
         new: Array = old
+        air = None if lifted is None else self._air(lifted, travel)
         for _ in range(self._steps):
-            new = self._carried(new, place, change, travel)
+            new = self._carried(new, place, change, travel, air)
             place = place + change
 
         # equation (2)
         ahead = new + (new - old) * (_LEAD / self._period)
-        self.share[rows] = _share(_size(ahead), modulus, belt)
+        distance = _size(ahead)
+        if air is not None:
+            distance = np.where(air.at_points > 0, 0.0, distance)
+        self.share[rows] = _share(distance, modulus, belt)
 
         # far beyond full friction, displacements have no effect
         size = _size(new)
@@ -142,7 +162,22 @@ class Shear(Restorable):
         shortened = np.where(size > largest, largest / np.maximum(size, _TINY), 1.0)
         self._moved[:, :, rows] = new * shortened[:, None]
 
-    def _carried(self, moved: Array, place: Array, change: Array, travel: Array) -> Array:
+    def _air(self, lifted: Array, travel: Array) -> _Air:
+        """Times until elements touch down that belts carry by `travel` (R, T) [m] in a step;
+        `lifted` as in `advance`.
+        """
+        count = len(self._along)
+        from_rear = self._cell * (np.arange(count) + 0.5)[:, None, None]
+        from_entry = np.where(travel > 0, from_rear[::-1], from_rear)  # (p, R, T)
+        distance = np.abs(travel)
+        step = np.where(distance > _STILL, distance, np.inf)
+        at_points = np.maximum(lifted - from_entry, 0.0) / step
+        beyond = np.where(lifted > 0, lifted + self._cell / 2, 0.0) / step
+        return _Air(at_points, beyond)
+
+    def _carried(
+        self, moved: Array, place: Array, change: Array, travel: Array, air: _Air | None
+    ) -> Array:
         """Displacements (p, 2, R, T) after a step of equation (1), in which belts travel by
         `travel` (R, T) [m] and places (4, R) change by `change` (4, R).
 
@@ -154,15 +189,25 @@ class Shear(Restorable):
         displacement changes by
 
             (dx - l dsin - v cos) + s dcos,    (dy + l dcos - v sin) + s dsin.
+
+        Elements in the air have the displacement that makes j = 0 where they touch down: minus the
+        changes until then.
         """
-        new = _interpolated(moved, travel / self._cell)
         _, _, cos, sin = place[..., None]
         x_change, y_change, cos_change, sin_change = change[..., None]
         x_moved = x_change - self._across * sin_change - cos * travel
         y_moved = y_change + self._across * cos_change - sin * travel
-        new[:, 0] += x_moved + cos_change * self._along
-        new[:, 1] += y_moved + sin_change * self._along
-        return new
+        changes = np.empty_like(moved)
+        changes[:, 0] = x_moved + cos_change * self._along
+        changes[:, 1] = y_moved + sin_change * self._along
+
+        cells = travel / self._cell
+        if air is None:
+            return _interpolated(moved, cells) + changes
+        ends = (-air.beyond * changes[_REAR], -air.beyond * changes[_FRONT])
+        new = _interpolated(moved, cells, air.beyond > 0, ends) + changes
+        in_air = air.at_points[:, None]
+        return np.where(in_air > 0, -in_air * changes, new)
 
     def rest(
         self, rows: np.ndarray, heading: Array, load: Array, push: Array, surface: Array
@@ -215,8 +260,16 @@ def _size(moved: Array) -> Array:
     return np.asarray(np.sqrt(moved[:, 0] ** 2 + moved[:, 1] ** 2))
 
 
-def _interpolated(moved: Array, c: Array) -> Array:
+def _interpolated(
+    moved: Array,
+    c: Array,
+    is_lifted: NDArray[np.bool_] | None = None,
+    in_air: tuple[Array, Array] | None = None,
+) -> Array:
     """Displacements (p, 2, R, T) at `c` (R, T) cells ahead of the points, along the robot [m].
+
+    Where a patch `is_lifted` (R, T) at the end where elements enter, the displacement a cell beyond
+    its rear or front end is that `in_air`, (2, R, T) each.
 
     With the value m at a point, a behind it and b ahead of it, the parabola is
 
@@ -230,6 +283,9 @@ def _interpolated(moved: Array, c: Array) -> Array:
     padded[1:-1] = moved
     padded[_FRONT] = _beyond(moved[-1], moved[-2], moved[-3], forwards)
     padded[_REAR] = _beyond(moved[0], moved[1], moved[2], backwards)
+    if is_lifted is not None and in_air is not None:
+        padded[_REAR] = np.where(is_lifted & backwards, in_air[0], padded[_REAR])
+        padded[_FRONT] = np.where(is_lifted & forwards, in_air[1], padded[_FRONT])
 
     square = c * c
     new = (1 - square) * moved

@@ -77,10 +77,11 @@ class Driven:
         before = fleet.pose()[:, 0]
         fleet.advance(1.0)
         self.slip = 1 - (fleet.pose()[:, 0] - before) / speed
-        self.thrust = fleet.mean_traction.sum(axis=1)
         self.rut = fleet.ruts.deepest.mean(axis=1)
         self.resistance = -fleet.ruts.resistance.sum(axis=1)
         self.pitch = -fleet.attitude()[:, 2]
+        # tractions are projected on the robot's axis, which the pitch shortens
+        self.thrust = fleet.mean_traction.sum(axis=1) / np.cos(self.pitch)
 
 
 def theory_at(soil, slip, tracks=TRACKS, **load):
@@ -106,32 +107,30 @@ def test_depth_and_resistance_on_the_level():
 
 
 def test_pulls():
+    """Up to 0.9 of the largest pull, at which robots tilt by up to 3.6 degrees and slip by up to
+    0.2.
+    """
     weight = TRACKS.weight
     curves = [drawbar_curve(SOILS[name], TRACKS, hitch_height=HITCH) for name in FIRMER]
     most = [curve.pull[curve.most] for curve in curves]
     thrust = np.zeros(len(FIRMER))
     drawbar = np.zeros(len(FIRMER))
-    steep = np.zeros(len(FIRMER))
     pitch = np.zeros(len(FIRMER))
-    for pull in (10.0, 25.0, 50.0, 75.0, 100.0, 130.0):
-        driven = Driven([Ground(soil=SOILS[name]) for name in FIRMER], pull=pull, passes=5.0)
+    for pull in (10.0, 25.0, 50.0, 75.0, 100.0, 115.0, 125.0, 137.0):
+        driven = Driven([Ground(soil=SOILS[name]) for name in FIRMER], pull=pull, passes=6.0)
         for k, name in enumerate(FIRMER):
             if pull > 0.9 * most[k]:
                 continue
             theory = theory_at(SOILS[name], driven.slip[k], hitch_height=HITCH)
-            missed = abs(pull - theory.pull[0]) / weight
-            steep[k] = max(steep[k], missed)
-            if math.degrees(theory.pitch[0]) < 2.2:
-                missed_thrust = abs(driven.thrust[k] - theory.thrust[0]) / weight
-                thrust[k] = max(thrust[k], missed_thrust)
-                drawbar[k] = max(drawbar[k], missed)
-                pitch[k] = max(pitch[k], abs(driven.pitch[k] - theory.pitch[0]))
+            missed_thrust = abs(driven.thrust[k] - theory.thrust[0]) / weight
+            thrust[k] = max(thrust[k], missed_thrust)
+            drawbar[k] = max(drawbar[k], abs(pull - theory.pull[0]) / weight)
+            pitch[k] = max(pitch[k], abs(driven.pitch[k] - theory.pitch[0]))
     checks = []
     for k, name in enumerate(FIRMER):
-        checks.append(Check(name, "thrust / weight, pitch < 2.2°", thrust[k], 0.002))
-        checks.append(Check(name, "drawbar / weight, pitch < 2.2°", drawbar[k], 0.002))
-        checks.append(Check(name, "pitch, below 2.2°", pitch[k], math.radians(0.05), "rad"))
-        checks.append(Check(name, "drawbar / weight, to 0.9 of the most", steep[k], 0.02))
+        checks.append(Check(name, "thrust / weight", thrust[k], 0.002))
+        checks.append(Check(name, "drawbar / weight", drawbar[k], 0.002))
+        checks.append(Check(name, "pitch", pitch[k], math.radians(0.05), "rad"))
     report("Drawbar pull", checks)
 
 
@@ -235,28 +234,24 @@ def test_second_pass():
 
 
 def test_immobilised():
-    """Up to the largest pull of theory, robots drive on; beyond it, they dig themselves in."""
+    """Up to the largest pull of theory, robots drive on; beyond it, they dig themselves in.
+
+    They tilt by 5 degrees, and the front of their tracks lifts.
+    """
     checks = []
     for name in ("dry_sand", "regolith"):
         soil = SOILS[name]
         curve = drawbar_curve(soil, TRACKS, hitch_height=HITCH)
-        low = 0.8 * curve.pull[curve.most]
-        high = 1.2 * curve.pull[curve.most]
-        for _ in range(5):
+        low = 0.92 * curve.pull[curve.most]
+        high = 1.08 * curve.pull[curve.most]
+        for _ in range(4):
             middle = (low + high) / 2
-            drives = Driven([Ground(soil=soil)], pull=middle, passes=12.0).slip[0] < 0.95
+            drives = Driven([Ground(soil=soil)], pull=middle, passes=16.0).slip[0] < 0.95
             low = middle if drives else low
             high = high if drives else middle
-        checks.append(
-            Check(
-                name,
-                "largest pull / weight",
-                low / TRACKS.weight,
-                0.04,  # the robot tilts by 4 to 5 degrees
-                "1",
-                float(curve.pull[curve.most] / TRACKS.weight),
-            )
-        )
+        most = float(curve.pull[curve.most] / TRACKS.weight)
+        found = (low + high) / 2 / TRACKS.weight
+        checks.append(Check(name, "largest pull / weight", found, 0.02, "1", most))
     report("Immobilised", checks)
 
 

@@ -85,7 +85,7 @@ def test_the_rut_of_a_first_pass_resists_no_more(robot):
     drive(fleet, [3.0, 3.0], 5.0)
     drive(fleet, [-3.0, -3.0], 3.0)  # back over its own rut
     assert -fleet.ruts.resistance.sum() < 0.02 * resistance(SNOW)
-    drive(fleet, [3.0, 3.0], 1.0)
+    drive(fleet, [3.0, 3.0], 1.5)  # past where its front dips as it speeds up
     assert abs(fleet.ruts.resistance.sum()) < 0.02 * resistance(SNOW)
 
 
@@ -218,7 +218,8 @@ def test_runs_say_how_robots_sank_and_that_one_is_immobilised(robot):
         (log,) = open_loop(fleet, [2.0, 2.0], 15.0)
         sinking = Sinking(**log.metadata[SINKING])
         assert sinking.sinkage > sinkage(SAND)
-        assert sinking.resistance > resistance(SAND)
+        # a robot that stands still while it digs presses no new rut
+        assert sinking.is_immobilised or sinking.resistance > resistance(SAND)
         notes[pull] = " ".join(sinking.notes)
     assert notes[50.0] == ""
     assert notes[168.0].startswith("immobilised: the tracks dig at a slip of ")
