@@ -4,6 +4,7 @@ measured and by theory.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -21,7 +22,7 @@ from experiments.simulate.grid_summary import sinking_of
 from sim.robot.parameters import TRACKS
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.skid_theory import DrawbarCurve, Load, drawbar_curve
+from trackslip.skid_theory import DrawbarCurve, Load
 
 MEASURED: Final = 1 / 3
 """Share of a run, at its end, over which drawbar tests are measured [-]."""
@@ -139,19 +140,29 @@ class DrawbarTest:
 
     def _theory(self, pull: float) -> dict[str, float]:
         """What theory says at a pull [N]; nothing for a robot that is immobilised."""
-        tracks = self.on_soil.tracks
-        load = self.on_soil.load
-        loaded = OnSoil(
-            self.on_soil.robot,
-            self.on_soil.soil,
-            Load(pull=pull / tracks.weight, hitch_height=load.hitch_height),
-        )
-        slip = loaded.slip()
-        if not 0 < slip <= 1:
+        curve = self.curve
+        if pull > curve.pull[curve.most]:
             return {}
-        at_pull = drawbar_curve(self.on_soil.soil, tracks, [slip], hitch_height=load.hitch_height)
-        names = ("slip", "sinkage", "resistance", "efficiency")
-        return {name: float(getattr(at_pull, name)[0]) for name in names}
+        upto = slice(curve.most + 1)
+
+        def from_rest(name: str, at_rest: float) -> Array:
+            """Values of the curve up to the largest pull, after that without slip."""
+            return np.append(at_rest, getattr(curve, name)[upto])
+
+        # without slip, there is no thrust, and the resistance would have to be pulled
+        on_soil = self.on_soil
+        slips = from_rest("slip", 0.0)
+        slip = float(np.interp(pull, from_rest("pull", -on_soil.resistance), slips))
+        sinkage = float(np.interp(slip, slips, from_rest("sinkage", on_soil.sinkage)))
+        resistance = float(np.interp(slip, slips, from_rest("resistance", on_soil.resistance)))
+        pitch = float(np.interp(slip, slips, from_rest("pitch", 0.0)))
+        power = (pull + resistance) * math.cos(pitch)  # of the belts, over their speed
+        return {
+            "slip": slip,
+            "sinkage": sinkage,
+            "resistance": resistance,
+            "efficiency": pull * (1 - slip) / power,
+        }
 
     def summary(self) -> dict[str, Any]:
         """Entries in summary.json."""
