@@ -17,7 +17,7 @@ import re
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -195,6 +195,37 @@ def _rerun() -> Drawing:
     return Drawing("\n".join([*lines, poses]), partial(_draw_viewer, recording))
 
 
+def _ruts() -> Drawing:
+    """The viewer with a run on snow, and the ruts that the robot leaves."""
+    circle = ("--reference", "circle", "--circle-radius", "0.8", "--circle-duration", "20")
+    out = result("track", "--ground", "soft_snow", *circle, "--rrd")
+    (log,) = read_runs(out / "runs.parquet")
+    assert log.truth is not None
+    assert log.truth.sinkage is not None
+    depths = _rounded(log.truth.sinkage[::100], 3)
+    poses = _rounded(log.truth.pose[::100], 2)
+    (recording,) = (out / "recordings").glob("*.rrd")
+    return Drawing(f"{depths}\n{poses}", partial(_draw_viewer, recording))
+
+
+def _drawbar() -> Drawing:
+    """Drawbar tests on sand, and theory."""
+    straight = ("--ground", "dry_sand", "--radii", "1000", "--speeds", "0.1", "--duration", "24")
+    forces = "pull.force=0,20,40,80,110,130,145,160,172"
+    out = result("grid", *straight, "--pull.since", "1", "--vary", forces)
+    (test,) = json.loads((out / "summary.json").read_text(encoding="utf-8"))["drawbar"]
+    names = ("drawbar_slip", "sinkage", "resistance", "efficiency")
+    content = [f"{name} {_rounded_known(test[name], 3)}" for name in names]
+    titles = ("drawbar_pull", "tractive_efficiency", "sinkage", "resistance")
+    figures = [out / "figures" / f"drawbar_{title}.svg" for title in titles]
+    return Drawing("\n".join(content), partial(_draw_svgs, figures, 2))
+
+
+def _rounded_known(values: Iterable[float | None], digits: int) -> str:
+    """Numbers as `_rounded` has them, of which some may be unknown."""
+    return json.dumps([None if value is None else round(value, digits) for value in values])
+
+
 def _draw_viewer(recording: Path, file: Path) -> None:
     from rerun.experimental import ViewerClient
 
@@ -226,11 +257,18 @@ def _evaluation(folder: Path, name: str, digits: int, words: Iterable[str]) -> D
 def _draw_svg(folder: Path, name: str, file: Path) -> None:
     """Draw the figures of a page whose names begin so, side by side."""
     figures = sorted((folder / "figures").glob(f"{name}*.svg"), reverse=True)
+    _draw_svgs(figures, len(figures), file)
+
+
+def _draw_svgs(figures: Sequence[Path], columns: int, file: Path) -> None:
+    """Draw figures in some columns."""
     texts = [figure.read_text(encoding="utf-8") for figure in figures]
     drawn = "".join(f"<div>{text[text.index('<svg') :]}</div>" for text in texts)
     with tempfile.TemporaryDirectory() as draft:
         page = Path(draft) / "figure.html"
-        style = "body{margin:0;background:#fff;display:flex;align-items:flex-start}"
+        across = f"repeat({columns},max-content)"
+        style = "body{margin:0;background:#fff;display:grid;place-content:start;align-items:start;"
+        style += f"grid-template-columns:{across}}}"
         style += "svg{display:block}"
         page.write_text(f"<meta charset=utf-8><style>{style}</style>{drawn}", encoding="utf-8")
         with browser() as chrome:
@@ -282,6 +320,8 @@ DRAWINGS: Final[dict[str, Callable[[], Drawing]]] = {
     "report.png": partial(_report, _REPORT, "body", _REPORT_HEIGHT),
     "report_dark.png": partial(_report, _DARK, "#fig08_feedforward_paths", None),
     "rerun.png": _rerun,
+    "ruts.png": _ruts,
+    "drawbar.png": _drawbar,
     "real_robots.png": _real_robots,
     "reality.png": _reality,
     "rescue_robot.png": partial(

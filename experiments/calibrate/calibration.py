@@ -31,6 +31,7 @@ _METRICS: Final = {
     "lateral": ("lateral speed, rms", 1e3, 1, "mm/s"),
     "slip": ("slip, rms", 1.0, 4, ""),
     "radius": ("radius, rms", 1e2, 2, "%"),
+    "pull": ("pull / weight, rms", 1e2, 2, "%"),
     "position": ("position", 1.0, 3, "m"),
     "heading": ("heading", float(np.degrees(1.0)), 1, "°"),
 }

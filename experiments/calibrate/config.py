@@ -45,6 +45,9 @@ Parameter = Literal[
     "lag",
 ]
 
+Free = Literal[Parameter, "cohesion", "friction_angle"]
+"""Parameters of robots and firm ground, and of soft soil."""
+
 OF_TURNS: Final[tuple[Parameter, ...]] = ("friction_ratio", "radius_error", "com_y")
 OF_DRIVES: Final[tuple[Parameter, ...]] = (
     "friction",
@@ -53,7 +56,10 @@ OF_DRIVES: Final[tuple[Parameter, ...]] = (
     "sensor_x",
     "clock",
 )
-"""Parameters to fit by default: OF_TURNS to steady turns, OF_DRIVES to drives."""
+OF_PULLS: Final[tuple[Free, ...]] = ("cohesion", "friction_angle", "shear")
+"""Parameters to fit by default: OF_TURNS to steady turns, OF_DRIVES to drives, OF_PULLS to a pull
+test.
+"""
 ROBOT: Final = "robot.toml"
 GROUND: Final = "ground.toml"
 EXAMPLES: Final = (
@@ -61,6 +67,10 @@ EXAMPLES: Final = (
     (
         "to a log, each half predicted from the other",
         "trackslip calibrate --target log.csv --robot husky --folds 2 --out out/halves",
+    ),
+    (
+        "soft soil, to a table of pulls and slips",
+        "trackslip calibrate --target pulls.csv --ground dry_sand --out out/soil",
     ),
     (
         "to commands, with the lag of the servos",
@@ -84,21 +94,25 @@ class Config(ResultsOptions):
     """Fit parameters of the simulated robot, its ground, drive and sensor to published slips or to
     a log.
 
-    Any log that identify reads can be used: drives or windows with poses, or steady samples.
+    Any log that identify reads can be used: drives or windows with poses, or steady samples. On
+    soft soil, cohesion, friction angle and shear modulus are fitted to a pull test.
     """
 
     target: Annotated[str, default_is("published", "published|FILE")] = "published"
-    """Data: the paper's Eq. 11 and Fig. 5 (published), a log, a ROS bag or a folder."""
+    """Data: the paper's Eq. 11 and Fig. 5 (published), a log, a ROS bag or a folder; on soft soil a
+    table with the columns pull [N] and slip, and weight [N] if it isn't the robot's.
+    """
     free: Annotated[
-        tuple[Parameter, ...] | None,
+        tuple[Free, ...] | None,
         Distinct("parameter"),
         default_is(
-            f"{' '.join(OF_TURNS)}; for drives {' '.join(OF_DRIVES)}",
-            f"{{{','.join(get_args(Parameter))}}} ...",
+            f"{' '.join(OF_TURNS)}; for drives {' '.join(OF_DRIVES)}; for pulls "
+            f"{' '.join(OF_PULLS)}",
+            f"{{{','.join(get_args(Free))}}} ...",
         ),
     ] = None
     """Parameters to fit; friction_ratio is across / along, radii are relative errors; lag needs
-    commands.
+    commands, cohesion and friction_angle soft soil.
     """
     robot: RobotSource = SHIPPED
     """Robot with the initial values, and with the values of the parameters that are not fitted."""

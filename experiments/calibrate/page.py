@@ -22,17 +22,17 @@ def page(
     base: Candidate,
     target: Target,
     test: Test | None,
-    use: str,
+    following: str,
     manifest: Mapping[str, Any],
 ) -> Page:
-    """The page; `use` holds the options that other commands need to use the calibrated robot."""
+    """The page; `following` is a command that uses the calibrated robot or soil."""
     line = gain(fit, test)
     facts = parameter_rows(fit)
     answer = Answer(
         f"{line[0].upper()}{line[1:]}",
         facts,
         warnings=remarks(fit, test),
-        next=[f"trackslip evaluate LOG {use}"],
+        next=[following],
     )
     candidates = {"before": (ORANGE, base), "calibrated": (BLUE, fit.candidate)}
     paths = partial(_paths, target, candidates) if isinstance(target, Drives) else None

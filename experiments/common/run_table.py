@@ -42,6 +42,26 @@ COLUMNS: Final = {
     )
 }
 """Columns other than the sweep's axes, which follow `id`."""
+SOIL_COLUMNS: Final = {
+    column.name: column
+    for column in (
+        Column("sinkage", "m", "depth of the ruts, in the last third of the run"),
+        Column(
+            "resistance",
+            "N",
+            "force of compaction on both tracks, in the last third; null if immobilised",
+        ),
+        Column("drawbar_slip", PURE, "mean slip of both belts, in the last third"),
+        Column(
+            "efficiency",
+            PURE,
+            "power of the pull over that of the belts, in the last third; null if immobilised",
+        ),
+        Column("slip_grows", NO_UNIT, "whether the slip changes by more than 0.01 meanwhile"),
+        Column("immobilised", NO_UNIT, "whether the tracks slip by more than 0.95 at the end"),
+    )
+}
+"""Further columns, of sweeps with runs on soft soil."""
 _SHOWN: Final = 10  # most axis values that a message lists
 
 
@@ -56,7 +76,8 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
     table = read_table(folder / TABLE_FILE)
     Columns(table, str(folder / TABLE_FILE)).require(("run",))
     rows: list[dict[str, Any]] = table.to_pylist()
-    axes = [name for name in rows[0] if name not in COLUMNS] if rows else []
+    measured = COLUMNS | SOIL_COLUMNS
+    axes = [name for name in rows[0] if name not in measured] if rows else []
     for text in where:
         name, _, value = text.partition("=")
         if name not in axes:

@@ -13,6 +13,7 @@ from experiments.common.results import (
 from experiments.common.sweep import drive_missing, resumable
 from experiments.common.table import stages_text
 from experiments.grid.config import Config
+from experiments.grid.drawbar import drawbar_tests
 from experiments.grid.page import page
 from experiments.grid.plan import plan
 from experiments.grid.runs import GridRuns
@@ -20,7 +21,7 @@ from experiments.grid.summary import all_failed, grids_of, print_sweep, summary_
 from experiments.grid.table import write_table
 from experiments.recorder import record_all
 from experiments.simulate.motors import without_motors
-from experiments.simulate.world import World
+from experiments.simulate.world import Specification, World
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import TrackslipError, counted
 from trackslip.logs.logfile import read_runs
@@ -31,7 +32,8 @@ def run(config: Config) -> None:
     if config.bag:
         require_rosbags()
     runs = plan(config)
-    world = World.of(config)  # read before its files can change
+    # read before its files can change; the plan has checked the load, which may be an axis
+    world = World.of(config, Specification.of(config))
     with resumable(config, {case.id for case in runs}) as (run, store):
         resumed = len(store.rows)
         began = run.wall
@@ -61,14 +63,19 @@ def run(config: Config) -> None:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:
                 about["bags"] = write_bags(run.folder, driven, read_runs(file), done=done)
         grids = grids_of(runs, rows)
+        tests = drawbar_tests(runs, rows)
+        if tests:
+            about["drawbar"] = plain([test.summary() for test in tests])
         manifest = run.manifest(**world.about)
         run.write(summary_of(grids, rows) | about, simulated=simulated, manifest=manifest)
         notes = without_motors(config.robot, world.drive)
         duration = runs[0].duration
         with run.watch.stage("report"):
-            report = page(grids, rows, duration, config.out, notes, manifest)
+            report = page(grids, rows, duration, config.out, notes, manifest, tests)
             report.write(run.folder, config.pdf)
     print_sweep(grids, rows, duration)
+    for test in tests:
+        test.table().print()
     for note in notes:
         print(f"Note: {note}.")
     print(stages_text(run.watch.stages))

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -15,6 +16,7 @@ from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.sweep import Row
 from experiments.common.table import percent, significant
+from experiments.grid.drawbar import DrawbarTest, drawbar_charts
 from experiments.grid.summary import RunGrid, failed, sweep_table, warnings_of
 from trackslip.errors import counted
 from trackslip.kinematics import Array
@@ -29,6 +31,11 @@ _CAPTION: Final = (
     "law, Eq. 11."
 )
 
+_DRAWBAR_CAPTION: Final = (
+    "Marks: means over the last third of each run. Lines: theory of rigid tracks straight ahead, "
+    "as trackslip predict has it."
+)
+
 
 def page(
     grids: Sequence[RunGrid],
@@ -37,9 +44,10 @@ def page(
     out: Path,
     notes: Sequence[str],
     manifest: Mapping[str, Any],
+    tests: Sequence[DrawbarTest] = (),
 ) -> Page:
-    """The page on the grids of a sweep, whose runs have these rows and last `duration` [s];
-    `notes` are about the robot.
+    """The page on the grids of a sweep, whose runs have these rows and last `duration` [s], and the
+    drawbar `tests` among them; `notes` are about the robot.
     """
     caption = _CAPTION
     if len(grids) > _DRAWN:
@@ -53,6 +61,7 @@ def page(
     )
     failures = [f"{row['run']}: {row['error']}" for row in failed(rows)]
     sections = [
+        _drawbar(tests),
         Section("Slip", [slip, sweep_table(grids, len(rows), duration), radius]),
         Section("Failed runs", [_bullets(failures)]),
         Section("Warnings", [_bullets(warnings_of(rows))], folded=True),
@@ -66,7 +75,18 @@ def page(
     if "seed" in axes:
         shown.pop("seed", None)
     answer = _answer(grids, rows, out, notes)
+    facts = [test.answer for test in tests]
+    answer = replace(answer, facts=[*facts, *answer.facts])
     return Page(title, command_line("grid"), shown, sections, answer=answer)
+
+
+def _drawbar(tests: Sequence[DrawbarTest]) -> Section | None:
+    """The section on drawbar tests; None without any."""
+    if not tests:
+        return None
+    charts = partial(drawbar_charts, tests)
+    plot = Plot("drawbar", charts, "Drawbar pull and slip", _DRAWBAR_CAPTION)
+    return Section("Drawbar tests", [plot, *(test.table() for test in tests)])
 
 
 def _bullets(lines: Sequence[str]) -> Bullets | None:

@@ -9,6 +9,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from experiments.common.sweep import Row
+from experiments.grid.drawbar import soil_columns
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_runs import drive_cells
 from experiments.simulate.grid_summary import LocalizationErrors, saturation_of, soil_warnings
@@ -80,7 +81,7 @@ class GridRuns:
         row["note"] = "; ".join([*notes, *soil_warnings([log])]) or None
         errors = LocalizationErrors.of([log])
         row |= {name: getattr(errors, name) for name in _POSES}
-        return row | _of_motors(log)
+        return row | _of_motors(log) | soil_columns(log)
 
 
 def _of_motors(log: RunLog) -> Row:

@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet
 
-from experiments.common.run_table import COLUMNS
+from experiments.common.run_table import COLUMNS, SOIL_COLUMNS
 from experiments.common.sweep import Row
 from experiments.grid.axes import known
 from trackslip.logs.schema import Column
@@ -21,7 +21,8 @@ def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
     of_axes = [known()[axis][1] for axis in axes]
     arrays = []
     fields = []
-    for column in (run, id, *of_axes, *measured):
+    of_soil = [column for name, column in SOIL_COLUMNS.items() if any(name in row for row in rows)]
+    for column in (run, id, *of_axes, *measured, *of_soil):
         array = _array([row.get(column.name) for row in rows], column)
         arrays.append(array)
         fields.append(pa.field(column.name, array.type, metadata=column.metadata))
@@ -36,5 +37,5 @@ def _array(values: list[Any], column: Column) -> pa.Array:
 
 
 if __name__ == "__main__":
-    for column in COLUMNS.values():
+    for column in (COLUMNS | SOIL_COLUMNS).values():
         print(f"| `{column.name}` | {column.unit or '–'} | {column.description} |")

@@ -10,6 +10,7 @@ import rerun as rr
 
 from experiments.common.traces import Traces
 from experiments.recorder.model import send_geoms, send_paving
+from experiments.recorder.ruts import Ruts, send_ruts
 from experiments.recorder.sensing import OTHER_COLOUR
 from experiments.recorder.stream import FIELD, Recording, about_vertical, paint, rgb
 from trackslip.kinematics import Array
@@ -21,9 +22,14 @@ _PATCH_COLOUR: Final = "#4f6f78"
 _HEIGHT: Final = 1.0  # height of posts and walls [m]
 
 
-def send_field(recording: Recording, traces: Traces, model: mujoco.MjModel, within: Array) -> None:
-    """Send the ground around the points `within` (n, 2), and the scanner and obstacles of a run."""
-    send_paving(recording, within)
+def send_field(
+    recording: Recording, traces: Traces, model: mujoco.MjModel, within: Array, ruts: Ruts
+) -> None:
+    """Send the ground around the points `within` (n, 2) with its ruts, and the scanner and
+    obstacles of a run.
+    """
+    send_paving(recording, within, without=ruts.stones)
+    send_ruts(recording, ruts)
     _send_scanner(recording, traces, model)
     metadata = traces.log.metadata
     with contextlib.suppress(*MALFORMED):

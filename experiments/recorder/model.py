@@ -20,12 +20,15 @@ ROBOT: Final = "robot"
 GROUND: Final = f"{FIELD}/ground"
 HIDDEN_GROUP: Final = 5
 """Group of geoms that aren't drawn."""
+STONE: Final = 0.5
+"""Side of a paving stone [m]."""
+MAX_STONES: Final = 100
+"""Largest number of stones along one side."""
+TONES: Final = ((92, 90, 86), (84, 82, 78))
+"""Colours of the stones, as on a chessboard."""
 _UNSET: Final = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour for geoms that don't set a colour
-_STONE: Final = 0.5  # side of a paving stone [m]
 _THICKNESS: Final = 0.01  # half the thickness of a paving stone [m]
 _MARGIN: Final = 3.0  # width of the paving around everything else [m]
-_MAX_STONES: Final = 100  # largest number of stones along one side
-_TONES: Final = ((92, 90, 86), (84, 82, 78))  # colours of the stones, as on a chessboard
 
 
 def send_robot(
@@ -81,23 +84,32 @@ def drawn(model: mujoco.MjModel, body: int) -> list[int]:
     return [int(i) for i in np.flatnonzero(visible & mine)]
 
 
-def send_paving(recording: Recording, within: Array, height: float = 0.0) -> None:
-    """Send level ground at a height [m] around the points `within` (n, 2) [m]."""
+def send_paving(
+    recording: Recording,
+    within: Array,
+    height: float = 0.0,
+    without: Sequence[tuple[int, int]] = (),
+) -> None:
+    """Send level ground at a height [m] around the points `within` (n, 2) [m], `without` the stones
+    in these columns and rows.
+    """
     # corners of the paving, in stones
-    begin = (within.min(axis=0) - _MARGIN) / _STONE
-    end = (within.max(axis=0) + _MARGIN) / _STONE
+    begin = (within.min(axis=0) - _MARGIN) / STONE
+    end = (within.max(axis=0) + _MARGIN) / STONE
     low = np.floor(begin).astype(int)
-    high = np.minimum(np.ceil(end).astype(int), low + _MAX_STONES)
+    high = np.minimum(np.ceil(end).astype(int), low + MAX_STONES)
 
     columns = np.arange(low[0], high[0])
     rows = np.arange(low[1], high[1])
     corner = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-    middle = _STONE * (corner + 0.5)
+    left_out = set(without)
+    corner = np.array([stone for stone in corner.tolist() if tuple(stone) not in left_out])
+    middle = STONE * (corner + 0.5)
     is_odd = corner.sum(axis=1) % 2
     stones = rr.Boxes3D(
         centers=at_height(middle, height - _THICKNESS),
-        half_sizes=[[_STONE / 2, _STONE / 2, _THICKNESS]],
-        colors=np.array(_TONES, np.uint8)[is_odd],
+        half_sizes=[[STONE / 2, STONE / 2, _THICKNESS]],
+        colors=np.array(TONES, np.uint8)[is_odd],
         fill_mode="solid",
     )
     recording.still(GROUND, stones)

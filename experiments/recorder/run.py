@@ -22,6 +22,7 @@ from experiments.recorder.plots import (
     Panel,
     send_layout,
 )
+from experiments.recorder.ruts import ruts_of, sinkage_of
 from experiments.recorder.sensing import ESTIMATE_COLOUR, send_estimate, send_scans
 from experiments.recorder.stream import (
     CAMERA,
@@ -66,6 +67,8 @@ _ABOVE: Final = 0.004  # height of lines above the ground, and above each other 
 PANELS: Final = (
     Panel("Slip [-]", ("slip/assumed", "slip/identified", "slip/true"), 1.9, has_outliers=True),
     Panel("Sprocket speed [rad/s]", ("sprocket/command", "sprocket/measured"), 1.4),
+    Panel("Sinkage [mm]", ("soil/sinkage",)),
+    Panel("Resistance [N]", ("soil/resistance",)),
     Panel("Position error [mm]", ("error/distance", "error/position"), 1.2, has_outliers=True),
     Panel("Heading error [deg]", ("error/heading",), 0.9, has_outliers=True),
 )
@@ -74,6 +77,7 @@ _COMPARED: Final = (
     "slip/true",
     "slip/identified",
     "sprocket/measured",
+    "soil/sinkage",
     "error/distance",
     "error/heading",
 )
@@ -85,7 +89,8 @@ def send_runs(recording: Recording, logs: Sequence[RunLog]) -> None:
     runs = [Traces(log) for log in logs]
     alone = len(logs) == 1
     within = _within(runs)
-    send_field(recording, runs[0], _looks(logs[0]).model, within)
+    ruts = ruts_of([(traces, parameters_of(traces.log)) for traces in runs])
+    send_field(recording, runs[0], _looks(logs[0]).model, within, ruts)
     _send_camera(recording, runs)
     roots = []
     for number, traces in enumerate(runs):
@@ -116,7 +121,7 @@ def series_of(traces: Traces) -> list[Series]:
 
 
 def _track_series(traces: Traces) -> list[Series]:
-    """Lines for the left and the right track: slips and sprocket speeds."""
+    """Lines for the left and the right track: slips, sprocket speeds, and ruts in soft soil."""
     sides = (LEFT, RIGHT)
     of_measured = (LEFT_MEASURED, RIGHT_MEASURED)
     dark = _blended(sides, 0)
@@ -136,6 +141,10 @@ def _track_series(traces: Traces) -> list[Series]:
     add("slip/true", traces.slip, "true", sides, _LINE)
     add("sprocket/command", traces.log.command, "set point", pale, _THICK)
     add("sprocket/measured", traces.log.omega, "measured", sides, _LINE)
+    truth = traces.log.truth
+    if truth is not None and truth.sinkage is not None:
+        add("soil/sinkage", 1e3 * truth.sinkage, "rut", sides, _LINE)
+        add("soil/resistance", truth.resistance, "resistance", sides, _LINE)
     return series
 
 
@@ -233,8 +242,8 @@ def _looks(log: RunLog, colour: str | None = None) -> RobotLooks:
 def _send_robot(
     recording: Recording, root: str, traces: Traces, looks: RobotLooks, turning: bool
 ) -> None:
-    """Send the robot at its poses, on level ground, with its belts `turning` or at rest; an arrow
-    in its place if not even its size is known.
+    """Send the robot at its poses, on level ground or as deep as its ruts, with its belts `turning`
+    or at rest; an arrow in its place if not even its size is known.
     """
     if not _is_known(traces.log) and stored_geometry(traces.log) is None:
         arrow = rr.Arrows3D(vectors=[[_ARROW, 0, 0]], **paint(GREY, _ARROW / 20))
@@ -250,6 +259,9 @@ def _send_robot(
     if not turning:
         travel = travel[:1]
     qpos = looks.qpos(traces.pose)
+    sinkage = sinkage_of(traces)
+    if sinkage is not None:
+        qpos[:, 2] -= sinkage.mean(axis=1)
     send_robot(recording, root, looks.model, traces.time, qpos, looks.tracks, travel)
 
 

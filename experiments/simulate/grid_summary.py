@@ -214,13 +214,19 @@ def saturation_of(log: RunLog) -> Saturation | None:
     return None if known is None else Saturation(**known)
 
 
+def sinking_of(log: RunLog) -> Sinking | None:
+    """How the robot of a run sank into soft soil; None on firm ground."""
+    known = log.metadata.get(SINKING)
+    return None if known is None else Sinking(**known)
+
+
 def soil_warnings(logs: Sequence[RunLog]) -> list[str]:
     """Lines for runs in soft soil in which the robot was immobilised, or tilted in its ruts."""
     lines = []
     for log in logs:
-        known = log.metadata.get(SINKING)
-        if known is not None:
-            lines += [f"run {log.run!r}: {note}" for note in Sinking(**known).notes]
+        sinking = sinking_of(log)
+        if sinking is not None:
+            lines += [f"run {log.run!r}: {note}" for note in sinking.notes]
     return lines
 
 

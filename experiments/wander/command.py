@@ -7,6 +7,7 @@ from typing import Any
 from experiments.common.results import REPORT_FILE, bags_text, write_bags
 from experiments.common.run import Run
 from experiments.recorder import record_all
+from experiments.simulate.grid_summary import soil_warnings
 from experiments.simulate.motors import without_motors
 from experiments.simulate.world import World
 from experiments.wander.config import Config
@@ -36,7 +37,7 @@ def run(config: Config) -> None:
                 summary["bags"] = write_bags(run.folder, names, logs, about)
         manifest = run.manifest(**world.about)
         run.write(summary, logs, simulated, manifest)
-        notes = without_motors(config.robot, world.drive)
+        notes = [*without_motors(config.robot, world.drive), *soil_warnings(logs)]
         with run.busy("report"):
             page(config, logs, contents, notes, manifest).write(run.folder, config.pdf)
         if config.rrd:

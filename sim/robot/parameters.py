@@ -229,6 +229,8 @@ def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -
 
 def ground_file_text(ground: Ground, comment: str) -> str:
     """The text of a ground file; `ground` must be level, without patches or changes."""
+    if ground.soil is not None:
+        return f"# {comment}\n[soil]\n{_lines(dataclasses.asdict(ground.soil))}"
     friction = _lines({name: getattr(ground, name) for name in ("along", "across", "shear")})
     return f"# {comment}\n{friction}"
 

@@ -44,6 +44,7 @@ _SIDES: Final = ("left", "right", "middle")
 _ICR: Final = ("offset", "radius_error")  # attributes of laws that record their ICRs
 _UPRIGHT: Final = float(np.cos(0.5))  # cosine of the lean beyond which a robot has tipped over
 _LEAST_SHARE: Final = 5e-4  # share of the time that a warning would round to 0.0 % [-]
+_OF_SOIL: Final = ("sinkage", "resistance")  # fields of Truth that runs on firm ground lack
 # data of a contact sensor
 _LOAD: Final = 0
 _FORCE: Final = slice(1, 3)
@@ -265,7 +266,7 @@ class RunRecorder:
             "saturated_time": drive.saturated_time,
         }
         if fleet.ruts is not None:
-            row["rut"] = fleet.ruts.deepest
+            row["sinkage"] = fleet.ruts.deepest
             row["resistance"] = fleet.ruts.resistance
             row["slip"] = fleet.ruts.slip
         if self._in_detail:
@@ -361,19 +362,21 @@ class RunRecorder:
         truth["power"] = self._rates(truth.pop("energy"))
         truth["saturated"] = self._rates(truth.pop("saturated_time"))
 
-        sinking: list[Sinking | None] = [None] * self.fleet.size
-        if self.fleet.ruts is not None:
-            soil = [truth.pop(name) for name in ("rut", "resistance", "slip")]
-            for i in np.flatnonzero(self.fleet.ruts.is_soft).tolist():
-                rut, resistance, slip = (values[:, i] for values in soil)
-                sinking[i] = Sinking.of(rut, resistance, slip, states.pitch[:, i])
-
+        ruts = self.fleet.ruts
+        slip = truth.pop("slip", None)
         logs = []
         for i in range(self.fleet.size):
             own = {name: values[:, i] for name, values in truth.items()}
+            sinking = None
+            if ruts is not None and slip is not None and ruts.is_soft[i]:
+                pitch = states.pitch[:, i]
+                sinking = Sinking.of(own["sinkage"], own["resistance"], slip[:, i], pitch)
+            else:
+                for name in _OF_SOIL:
+                    own.pop(name, None)
             saturation = Saturation.of(own["saturated"], own["torque"], needed[:, i])
             own_scans = scans[i] if scans else None
-            logs.append(self._log(i, Truth(**own), own_scans, saturation, sinking[i], failure))
+            logs.append(self._log(i, Truth(**own), own_scans, saturation, sinking, failure))
         return logs
 
     def _rates(self, total: Array) -> Array:

@@ -42,6 +42,8 @@ def full_log():
         torque=two,
         power=two,
         saturated=two,
+        sinkage=two,
+        resistance=two,
         lean=three[:, 0],
         contact=np.ones((ROWS, 20, 3)),
         shear=np.ones((ROWS, 20)),

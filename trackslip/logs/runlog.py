@@ -59,6 +59,9 @@ class Truth(ShortRepr):
     power: Array | None = None
     # (T, 2) share of time since the previous row with the motor at its limit [-]
     saturated: Array | None = None
+    sinkage: Array | None = None  # (T, 2) depth of the rut under each track, on soft soil [m]
+    # (T, 2) force of the soil's compaction on each track, along the robot, on soft soil [N]
+    resistance: Array | None = None
     lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]
     # (T, P, 3) force of the ground on each pad: forwards, to the left, up [N]
     contact: Array | None = None

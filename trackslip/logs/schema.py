@@ -83,6 +83,12 @@ _ALL: Final = (
     *_tracks(
         "saturated", PURE, "share of the time since the previous row with the motor at its limit"
     ),
+    *_tracks("sinkage", "m", "on soft soil: depth of the rut under the track"),
+    *_tracks(
+        "resistance",
+        "N",
+        "on soft soil: force of the soil's compaction on the track, along the robot",
+    ),
     Column("true_lean", "m", "offset of the scanned plate to the left of the robot"),
     Column(
         "first_beam",

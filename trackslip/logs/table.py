@@ -45,6 +45,8 @@ TRUTH: Final[dict[str, tuple[str, ...]]] = {  # columns for each field of a Trut
     "torque": ("torque_l", "torque_r"),
     "power": ("power_l", "power_r"),
     "saturated": ("saturated_l", "saturated_r"),
+    "sinkage": ("sinkage_l", "sinkage_r"),
+    "resistance": ("resistance_l", "resistance_r"),
     "lean": ("true_lean",),
 }
 COVARIANCE: Final = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")

@@ -11,6 +11,8 @@ from sim.motors.motor import Drive, Motor, tireless
 from sim.robot.parameters import SINK
 from sim.runs.run_recorder import SINKING, Sinking
 from trackslip.errors import InvalidValueError
+from trackslip.logs.logfile import read_runs, write_parquet
+from trackslip.logs.table import TRUTH, column_names
 from trackslip.skid_theory import Tracks, slip_for
 
 SAND = NAMED_GROUNDS["dry_sand"]
@@ -21,6 +23,8 @@ WEIGHT = 25 * 9.81
 WIDTH = ROBOT.track_width
 TRACKS = Tracks(ROBOT.contact_length, WIDTH, WEIGHT, 0.0, ROBOT.com_height, SINK)
 RADIUS = ROBOT.sprocket_radius
+OF_SOIL = {*TRUTH["sinkage"], *TRUTH["resistance"]}
+"""Columns that only logs of runs on soft soil have."""
 
 
 def without_slip_sinkage(ground):
@@ -228,3 +232,21 @@ def test_runs_say_how_robots_sank_and_that_one_is_immobilised(robot):
 def test_runs_on_firm_ground_say_nothing_of_soil(robot):
     (log,) = open_loop(fleet_on(robot, Ground()), [2.0, 2.0], 1.0)
     assert SINKING not in log.metadata
+    assert not OF_SOIL & set(column_names(log))
+
+
+def test_logs_have_depth_and_resistance_in_every_row(robot, tmp_path):
+    """A robot on firm ground in the same fleet has neither."""
+    fleet = fleet_on(robot, without_slip_sinkage(SAND), Ground())
+    logs = open_loop(fleet, [2.0, 2.0], 4.0)
+    write_parquet(logs, tmp_path / "runs.parquet")
+    on_sand, on_stone = read_runs(tmp_path / "runs.parquet")
+    assert set(column_names(on_sand)) >= OF_SOIL
+    assert not OF_SOIL & set(column_names(on_stone))
+    truth = on_sand.truth
+    np.testing.assert_array_equal(truth.sinkage, logs[0].truth.sinkage)
+    np.testing.assert_allclose(truth.sinkage[-1], sinkage(SAND), rtol=0.01)
+    np.testing.assert_allclose(truth.resistance[0], 0.0, atol=1e-3)  # at rest
+    np.testing.assert_allclose(truth.resistance[-1].sum(), -resistance(SAND), rtol=0.015)
+    sinking = Sinking(**on_sand.metadata[SINKING])
+    assert sinking.sinkage == np.median(truth.sinkage.mean(axis=1))
