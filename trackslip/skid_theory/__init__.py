@@ -16,8 +16,10 @@ from trackslip.skid_theory.soil import (
     DrawbarCurve,
     Soil,
     Tracks,
+    Wheels,
     drawbar_curve,
     most_slope,
+    roll,
     slip_for,
 )
 from trackslip.skid_theory.steady import SteadyTurns, steady_turns, steady_twist
@@ -29,9 +31,11 @@ __all__ = [
     "Soil",
     "SteadyTurns",
     "Tracks",
+    "Wheels",
     "drawbar_curve",
     "line_contact",
     "most_slope",
+    "roll",
     "slip_for",
     "steady_turns",
     "steady_twist",

@@ -1,4 +1,5 @@
-"""Tracks on soft soil, straight ahead: sinkage, thrust, resistance, and the drawbar pull over slip.
+"""Tracks and wheels on soft soil, straight ahead: sinkage, thrust, resistance, and the drawbar pull
+over slip.
 
 **Sinkage.** A plate of width b under the pressure p sinks by z in soil with the moduli k_c and
 k_phi (Bekker, Introduction to Terrain-Vehicle Systems, 1969):
@@ -33,6 +34,26 @@ the track, and (1) holds everywhere. If its front is deeper, the rest of the tra
 floor of the rut that the front leaves, which soil under less pressure doesn't deepen: the pressure
 is linear, as on stiff springs. The deepest point determines the rut, and by (2) the resistance.
 
+**Wheels.** A rigid wheel of radius R and width b whose lowest point is at the depth z_0 touches the
+soil along an arc, at the depths z(x) = z_0 - R + sqrt(R^2 - x^2) for x ahead of the axle. It
+presses the soil ahead of the axle and loses the soil behind it, so that it bears the load (Bekker)
+
+    N = b int_0^x_e p(z(x)) dx                                                                   (7)
+
+from the axle to the entry x_e, where the arc is as deep as the rut ahead: 0 in fresh soil, the
+front wheel's rut for a rear wheel. To be borne by what is left, a rear wheel sinks in a little
+deeper. As its pressure is normal to its rim, it meets the resistance
+
+    b int p dz = b (w(z_0) - w(rut ahead))                                                       (8)
+
+which acts on its axle. For x_e much smaller than R, z_0 - z = x^2 / (2 R), and in fresh soil (7)
+becomes b k z_0^(m + 1/2) sqrt(pi R / 2) Gamma(m + 1) / Gamma(m + 3/2), with k of (1). Bekker
+expands this to b k z_0^m sqrt(2 R z_0) (3 - m) / 3, which is exact for m = 0 and 1.
+
+Elements of the rim are taken to be sheared like those of a track, by j = i x' at the distance x'
+behind the entry. What the arc adds to this, of the order of x_e^3 / (6 R^2), is left out, and so is
+the vertical part of the shear stress.
+
 Soil is described by moduli in SI units, N/m^(n + 1) and N/m^(n + 2). Parameters of soils come from
 plates of 10 cm and more, so for narrower tracks they are extrapolated.
 """
@@ -42,7 +63,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -74,6 +95,7 @@ SLIPS: Final = np.linspace(0.005, 1.0, 200)
 """Slips of a drawbar-slip curve (200,) [-]."""
 
 _POINTS: Final = 100  # elements along a track
+_ARC_POINTS: Final = 40  # elements along a wheel's arc
 _NEWTON_ROUNDS: Final = 8  # doubles the digits in each
 _ROOT_ROUNDS: Final = 60
 _LEAST_SLIP: Final = 1e-9  # below which nothing is sheared [-]
@@ -197,6 +219,48 @@ class Soil(Checked):
         return np.asarray(np.sign(slip) * share)
 
 
+class Driving(NamedTuple):
+    """How running gear drives straight ahead in M cases, each (M,)."""
+
+    thrust: Array
+    """Force of the soil's shear [N]."""
+    resistance: Array
+    """Force of compaction [N]."""
+    rut: Array
+    """Depth of the rut that is left [m]."""
+    pitch: Array
+    """Angle by which the robot points upwards from the ground [rad]."""
+
+
+class RunningGear(Protocol):
+    """What bears a robot on soil: `Tracks` or `Wheels`."""
+
+    @property
+    def length(self) -> float:
+        """Length over which the centre of pressure may move [m]."""
+
+    @property
+    def weight(self) -> float:
+        """Weight of the robot [N]."""
+
+    @property
+    def com_x(self) -> float:
+        """Centre of mass, ahead of the middle of the gear [m]."""
+
+    @property
+    def com_height(self) -> float:
+        """Centre of mass above the ground [m]."""
+
+    @property
+    def lever(self) -> float:
+        """Height above the ground at which the resistance acts [m]."""
+
+    def driving(self, soil: Soil, slip: Array, normal: float, arm: Array) -> Driving:
+        """Drive at slips (M,), under a normal force [N] whose centre is an `arm` (M,) ahead of the
+        middle of the gear [m].
+        """
+
+
 @dataclass(frozen=True)
 class Tracks:
     """Two rigid tracks and the weight on them."""
@@ -233,6 +297,149 @@ class Tracks:
         """Mean pressure on level ground [Pa]."""
         return self.weight / self.area
 
+    @property
+    def lever(self) -> float:
+        """Height above the ground at which the resistance acts [m]."""
+        return 0.0
+
+    def driving(self, soil: Soil, slip: Array, normal: float, arm: Array) -> Driving:
+        """Drive at slips (M,), see `RunningGear`."""
+        standing = stand(soil, self, slip, normal, arm)
+        pitch = _pitch(self, standing)
+        thrust = _thrust(soil, self, _over_ground(slip, pitch), standing)
+        resistance = 2 * self.width * soil.work(standing.rut, self.width, slip)
+        return Driving(thrust, resistance, standing.rut, pitch)
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """Four rigid wheels on two axles, and the weight on them."""
+
+    length: float
+    """Distance between the axles [m]."""
+    radius: float
+    """Radius of the wheels [m]."""
+    width: float
+    """Width of a wheel [m]."""
+    weight: float
+    """Weight of the robot [N]."""
+    com_x: float = 0.0
+    """Centre of mass, ahead of the middle between the axles [m]."""
+    com_height: float = 0.0
+    """Centre of mass above the ground [m]."""
+    settlement: float = 0.0
+    """Elastic settlement under a quarter of the weight, in addition to the soil's: that of the
+    simulator's contacts, or 0 [m].
+    """
+
+    def __post_init__(self) -> None:
+        for name in ("length", "radius", "width", "weight"):
+            require_positive(name, getattr(self, name))
+        require_non_negative("settlement", self.settlement)
+        require_finite("com_height", self.com_height)
+        require_within("com_x", self.com_x, -self.length / 2, self.length / 2, "m")
+
+    @property
+    def lever(self) -> float:
+        """Height above the ground at which the resistance acts: that of the axles [m]."""
+        return self.radius
+
+    def bulldozing(self, soil: Soil, depth: ArrayLike) -> Array:
+        """Lateral forces (...) on wheels in ruts of depths (...) [m], by (4) [N].
+
+        The part of a wheel below the ground is taken for a parabola of the depth d over a chord of
+        2 x_e, along which d and d^2 have the integrals 4/3 d x_e and 16/15 d^2 x_e.
+        """
+        depth = np.asarray(depth, float)
+        by_depth, by_square = soil.bulldozing_terms
+        per_chord = (4 / 3 * by_depth + 16 / 15 * by_square * depth) * depth
+        return np.asarray(per_chord * _half_chord(self.radius, depth))
+
+    def driving(self, soil: Soil, slip: Array, normal: float, arm: Array) -> Driving:
+        """Drive at slips (M,), see `RunningGear`; the rear wheels run in the ruts of the front
+        wheels.
+        """
+        front_load = normal * (0.5 + arm / self.length) / 2
+        rear_load = normal / 2 - front_load
+        front = roll(soil, self, front_load, 0.0, slip)
+        rear = roll(soil, self, rear_load, front.rut, slip)
+        settled = self.settlement * (rear_load - front_load) / (self.weight / 4)
+        pitch = np.arctan2(rear.rut - front.rut + settled, self.length)
+        over_ground = _over_ground(slip, pitch)
+        thrust = 2 * (front.thrust(soil, over_ground) + rear.thrust(soil, over_ground))
+        resistance = 2 * (front.resistance + rear.resistance)
+        return Driving(thrust, resistance, rear.rut, pitch)
+
+
+@dataclass(frozen=True)
+class Rolling:
+    """How wheels roll in soil in M cases, with K elements along each arc, from its entry to the
+    axle.
+    """
+
+    width: float  # of a wheel [m]
+    rut: Array  # (M,) depth of the lowest point, and of the rut that is left [m]
+    resistance: Array  # (M,) force of compaction on a wheel [N]
+    pressure: Array  # (M, K) [Pa]
+    behind: Array  # (M, K) distance of an element behind the entry [m]
+    entry: Array  # (M,) length of the arc along the ground [m]
+
+    @property
+    def load(self) -> Array:
+        """Loads (M,) that a wheel bears, by (7) [N]."""
+        return np.asarray(self.width * self.entry * self.pressure.mean(axis=1))
+
+    def thrust(self, soil: Soil, slip: Array) -> Array:
+        """Thrusts (M,) of a wheel at slips (M,) [N]."""
+        sheared = np.abs(slip)[:, None] * self.behind / soil.shear
+        strength = soil.cohesion + math.tan(soil.friction_angle) * self.pressure
+        stress = strength * -np.expm1(-sheared)
+        return np.asarray(np.sign(slip) * self.width * self.entry * stress.mean(axis=1))
+
+
+def roll(
+    soil: Soil, wheels: Wheels, load: ArrayLike, ahead: ArrayLike = 0.0, slip: ArrayLike = 0.0
+) -> Rolling:
+    """Roll one of the wheels under loads (M,) [N] through ruts of depths `ahead` (M,) [m] at slips
+    (M,), by (7) and (8).
+
+    A wheel that the soil doesn't bear sinks in up to its axle.
+    """
+    load, ahead, slip = np.broadcast_arrays(*(np.asarray(x, float) for x in (load, ahead, slip)))
+    load, ahead, slip = (np.atleast_1d(values) for values in (load, ahead, slip))
+
+    def spare(depth: Array) -> Array:
+        """What wheels at depths (M,) bear beyond their loads (M,) [N]."""
+        return _roll_at(soil, wheels, depth, ahead, slip).load - load
+
+    depth = _root(spare, ahead, ahead + wheels.radius)
+    return _roll_at(soil, wheels, depth, ahead, slip)
+
+
+def _roll_at(soil: Soil, wheels: Wheels, depth: Array, ahead: Array, slip: Array) -> Rolling:
+    """Roll with the lowest points at depths (M,) [m], through ruts of depths `ahead` (M,) [m]."""
+    radius = wheels.radius
+    width = wheels.width
+    entry = _half_chord(radius, depth - ahead)
+    places = (np.arange(_ARC_POINTS) + 0.5) / _ARC_POINTS
+    behind = entry[:, None] * places
+    x = entry[:, None] - behind
+    arc = depth[:, None] - radius + np.sqrt(radius**2 - x**2)
+    pressure = soil.pressure(arc, width, slip[:, None])
+    resistance = width * (soil.work(depth, width, slip) - soil.work(ahead, width, slip))
+    return Rolling(width, depth, resistance, pressure, behind, entry)
+
+
+def _half_chord(radius: float, height: Array) -> Array:
+    """Half chords (M,) of segments of these heights (M,) of a wheel, up to its axle [m]."""
+    cut = np.clip(height, 0.0, radius)
+    return np.asarray(np.sqrt((2 * radius - cut) * cut))
+
+
+def _over_ground(slip: Array, pitch: Array) -> Array:
+    """Slips (M,) at which a robot at pitches (M,) [rad] shears the ground, see `drawbar_curve`."""
+    return 1 - (1 - slip) / np.cos(pitch)
+
 
 @dataclass(frozen=True)
 class Standing:
@@ -251,8 +458,8 @@ class DrawbarCurve:
 
     slip: Array  # (M,) 1 - speed over ground / speed of the belts [-]
     pull: Array  # (M,) drawbar pull that the robot can exert, backwards on it [N]
-    thrust: Array  # (M,) force of the soil's shear on both tracks [N]
-    resistance: Array  # (M,) force of compaction on both tracks [N]
+    thrust: Array  # (M,) force of the soil's shear on tracks or wheels [N]
+    resistance: Array  # (M,) force of compaction on tracks or wheels [N]
     sinkage: Array  # (M,) depth of the rut [m]
     pitch: Array  # (M,) angle by which the robot points upwards from the ground [rad]
     efficiency: Array  # (M,) tractive efficiency, power of the pull over that of the belts [-]
@@ -270,7 +477,7 @@ class DrawbarCurve:
 
 def drawbar_curve(
     soil: Soil,
-    tracks: Tracks,
+    gear: RunningGear,
     slip: ArrayLike = SLIPS,
     slope: float = 0.0,
     hitch_height: float = 0.0,
@@ -283,7 +490,10 @@ def drawbar_curve(
 
     and the pull, the slope and the pitch of the robot shift the centre of pressure to
 
-        x_p = com_x - com_height tan(slope + pitch) - hitch_height pull / (weight cos(slope)).   (6)
+        x_p = com_x - com_height tan(slope + pitch)
+              - (hitch_height pull + lever resistance) / (weight cos(slope))                     (6)
+
+    with the lever 0 for the resistance of tracks, and the radius for that of wheels.
 
     Thrust, resistance and pitch depend on x_p, for which (5) and (6) are solved. The belts of a
     pitched robot carry their elements over the ground at cos(pitch) of their speed, so that these
@@ -301,27 +511,24 @@ def drawbar_curve(
     require(are_slips, "slip", slip.tolist(), "(M,) numbers above 0, up to 1")
     require_within("slope", slope, 0.0, _STEEPEST, "rad")
     require_non_negative("hitch_height", hitch_height)
-    normal = tracks.weight * math.cos(slope)
-    downhill = tracks.weight * math.sin(slope)
-    reach = np.full_like(slip, (0.5 - _EDGE) * tracks.length)
+    normal = gear.weight * math.cos(slope)
+    downhill = gear.weight * math.sin(slope)
+    reach = np.full_like(slip, (0.5 - _EDGE) * gear.length)
 
-    def driving(arm: Array) -> tuple[Standing, Array, Array, Array]:
-        """Standing, thrust, resistance and pull (M,) with the centre of pressure at arms (M,)."""
-        standing = stand(soil, tracks, slip, normal, arm)
-        over_ground = 1 - (1 - slip) / np.cos(_pitch(tracks, standing))
-        thrust = _thrust(soil, tracks, over_ground, standing)
-        resistance = 2 * tracks.width * soil.work(standing.rut, tracks.width, slip)
-        return standing, thrust, resistance, thrust - resistance - downhill
+    def driving(arm: Array) -> tuple[Driving, Array]:
+        """Motion and pull (M,) with the centre of pressure at arms (M,)."""
+        motion = gear.driving(soil, slip, normal, arm)
+        return motion, motion.thrust - motion.resistance - downhill
 
     def beyond(arm: Array) -> Array:
         """Distances (M,) by which arms (M,) are ahead of what (6) makes of their trim [m]."""
-        standing, _, _, pull = driving(arm)
-        lean = tracks.com_height * np.tan(slope + _pitch(tracks, standing))
-        towed = hitch_height * np.maximum(pull, 0.0) / normal
-        return np.asarray(arm - (tracks.com_x - lean - towed))
+        motion, pull = driving(arm)
+        lean = gear.com_height * np.tan(slope + motion.pitch)
+        moment = hitch_height * np.maximum(pull, 0.0) + gear.lever * motion.resistance
+        return np.asarray(arm - (gear.com_x - lean - moment / normal))
 
     # the foremost balance is stable; behind the next one, the robot tips over backwards
-    foremost = np.minimum(tracks.com_x + _FOREMOST * tracks.length, reach)
+    foremost = np.minimum(gear.com_x + _FOREMOST * gear.length, reach)
     low = foremost
     high = foremost
     is_ahead = beyond(foremost) > 0
@@ -332,11 +539,12 @@ def drawbar_curve(
         is_ahead = is_ahead & (beyond(low) > 0)
     stands = stands & ~is_ahead
     arm = _root(beyond, low, high)
-    standing, thrust, resistance, pull = driving(arm)
+    motion, pull = driving(arm)
     pull = np.where(stands, pull, np.nan)
-    pitch = _pitch(tracks, standing)
-    efficiency = pull * (1 - slip) / (thrust * np.cos(pitch))
-    return DrawbarCurve(slip, pull, thrust, resistance, standing.rut, pitch, efficiency)
+    efficiency = pull * (1 - slip) / (motion.thrust * np.cos(motion.pitch))
+    return DrawbarCurve(
+        slip, pull, motion.thrust, motion.resistance, motion.rut, motion.pitch, efficiency
+    )
 
 
 def _pitch(tracks: Tracks, standing: Standing) -> Array:
@@ -344,7 +552,7 @@ def _pitch(tracks: Tracks, standing: Standing) -> Array:
     return np.arctan2(standing.rear - standing.front, tracks.length)
 
 
-def most_slope(soil: Soil, tracks: Tracks) -> float:
+def most_slope(soil: Soil, gear: RunningGear) -> float:
     """The steepest slope that the robot climbs straight ahead at some slip [rad].
 
     There, the largest pull of (5) is 0. Raises InvalidValueError for soil that doesn't carry the
@@ -355,8 +563,8 @@ def most_slope(soil: Soil, tracks: Tracks) -> float:
 
     def spare(slope: Array) -> Array:
         """Largest pull (1,) on a slope (1,) [N]; negative also if the robot tips over."""
-        curve = drawbar_curve(soil, tracks, slips, float(slope[0]))
-        return np.nan_to_num(curve.pull, nan=-tracks.weight).max(keepdims=True)
+        curve = drawbar_curve(soil, gear, slips, float(slope[0]))
+        return np.nan_to_num(curve.pull, nan=-gear.weight).max(keepdims=True)
 
     level = np.zeros(1)
     allowed = "firm enough to drive on the level"
@@ -365,14 +573,14 @@ def most_slope(soil: Soil, tracks: Tracks) -> float:
 
 
 def slip_for(
-    soil: Soil, tracks: Tracks, pull: float = 0.0, slope: float = 0.0, hitch_height: float = 0.0
+    soil: Soil, gear: RunningGear, pull: float = 0.0, slope: float = 0.0, hitch_height: float = 0.0
 ) -> float:
     """The slip at which a robot straight ahead pulls a load [N] up a slope [rad]: the smallest, at
     which the motion is stable.
 
     Returns NaN for a robot that is immobilised, because no slip suffices.
     """
-    curve = drawbar_curve(soil, tracks, SLIPS, slope, hitch_height)
+    curve = drawbar_curve(soil, gear, SLIPS, slope, hitch_height)
     enough = np.flatnonzero(curve.pull >= pull)
     if not enough.size:
         return math.nan
@@ -381,7 +589,7 @@ def slip_for(
 
     def spare(slip: Array) -> Array:
         """Pull (1,) beyond the required one at a slip (1,) [N]."""
-        return drawbar_curve(soil, tracks, slip, slope, hitch_height).pull - pull
+        return drawbar_curve(soil, gear, slip, slope, hitch_height).pull - pull
 
     return float(_root(spare, low, np.full(1, SLIPS[first]))[0])
 

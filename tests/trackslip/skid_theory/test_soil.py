@@ -3,9 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.special import gamma
 
 from trackslip.errors import InvalidValueError
-from trackslip.skid_theory import Soil, Tracks, drawbar_curve, most_slope, slip_for
+from trackslip.skid_theory import Soil, Tracks, Wheels, drawbar_curve, most_slope, roll, slip_for
 from trackslip.skid_theory.soil import stand
 
 SAND = Soil(990.0, 1.528e6, n=1.1, cohesion=1040.0, friction_angle=np.radians(28.0), shear=0.025)
@@ -217,3 +218,106 @@ def test_values_out_of_range_are_refused_by_name(call, field):
     with pytest.raises(InvalidValueError) as refused:
         call()
     assert refused.value.field == field
+
+
+HUSKY = Wheels(length=0.512, radius=0.165, width=0.1143, weight=75 * 9.81, com_height=0.25)
+LARGE = replace(HUSKY, radius=20.0)
+
+
+@pytest.mark.parametrize("n", [0.0, 0.5, 1.0, 1.6])
+def test_the_load_of_a_large_wheel_is_bekkers_integral(n):
+    """For an arc that is a parabola."""
+    soil = replace(SAND, n=n)
+    depth = 0.01
+    chord = np.sqrt(2 * LARGE.radius * depth)
+    shape = np.sqrt(np.pi) / 2 * gamma(n + 1) / gamma(n + 1.5)
+    load = LARGE.width * soil.modulus(LARGE.width) * depth**n * chord * shape
+    rolling = roll(soil, LARGE, load)
+    assert rolling.rut[0] == pytest.approx(depth, rel=1e-3)
+    expected = LARGE.width * soil.work(depth, LARGE.width)
+    assert rolling.resistance[0] == pytest.approx(expected, rel=3e-3)
+    assert rolling.load[0] == pytest.approx(load)
+    if n in (0.0, 1.0):
+        assert shape == pytest.approx((3 - n) / 3)
+
+
+def test_sinkage_of_a_wheel_by_hand():
+    """Bekker's z^(n + 1/2) = 3 W / ((3 - n) b k sqrt(D)), here with sqrt(D) by the arc."""
+    load = 184.0
+    modulus = SAND.modulus(HUSKY.width)
+    width = HUSKY.width * np.sqrt(2 * HUSKY.radius)
+    bekker = (3 * load / ((3 - SAND.n) * width * modulus)) ** (1 / (SAND.n + 0.5))
+    assert roll(SAND, HUSKY, load).rut[0] == pytest.approx(bekker, rel=0.02)
+
+
+def test_a_wheel_in_a_rut_bears_what_the_rest_of_its_arc_bears():
+    first = roll(SAND, HUSKY, 184.0)
+    second = roll(SAND, HUSKY, 184.0, first.rut)
+
+    def pressure(x):
+        arc = second.rut - HUSKY.radius + np.sqrt(HUSKY.radius**2 - x**2)
+        return float(SAND.pressure(arc, HUSKY.width)[0])
+
+    by_hand, _ = quad(pressure, 0.0, float(second.entry[0]))
+    assert HUSKY.width * by_hand == pytest.approx(184.0, rel=1e-4)
+    assert 0 < second.resistance < first.resistance
+    deeper = SAND.work(second.rut, HUSKY.width) - SAND.work(first.rut, HUSKY.width)
+    np.testing.assert_allclose(second.resistance, HUSKY.width * deeper)
+
+
+def test_each_pass_deepens_a_rut_by_less():
+    ruts = [0.0]
+    for _ in range(6):
+        ruts.append(float(roll(SAND, HUSKY, 184.0, ruts[-1]).rut[0]))
+    growth = np.diff(ruts)
+    assert (growth > 0).all()
+    assert (np.diff(growth) < 0).all()
+
+
+def test_resistance_of_a_wheel_is_the_push_of_its_rim():
+    """The horizontal part of pressures that are normal to the rim."""
+    rolling = roll(SAND, HUSKY, 184.0)
+    x = rolling.entry[:, None] - rolling.behind
+    steepness = x / np.sqrt(HUSKY.radius**2 - x**2)
+    push = HUSKY.width * rolling.entry * (rolling.pressure * steepness).mean(axis=1)
+    np.testing.assert_allclose(push, rolling.resistance, rtol=1e-3)
+
+
+def test_thrust_of_a_wheel_at_full_slip_is_the_strength():
+    rolling = roll(SAND, HUSKY, 184.0)
+    area = HUSKY.width * rolling.entry[0]
+    strength = area * SAND.cohesion + 184.0 * np.tan(SAND.friction_angle)
+    stiff = replace(SAND, shear=1e-5)
+    assert rolling.thrust(stiff, np.ones(1))[0] == pytest.approx(strength)
+    np.testing.assert_allclose(rolling.thrust(SAND, -SLIP[2:]), -rolling.thrust(SAND, SLIP[2:]))
+
+
+def test_thrust_of_a_wheel_at_little_slip_grows_with_the_sheared_length():
+    """For n = 1 and no cohesion, the mean distance behind the entry is 5/8 of the arc."""
+    soil = replace(LOOSE, n=1.0)
+    rolling = roll(soil, LARGE, 1e3)
+    mean = 5 / 8 * rolling.entry[0]
+    slip = np.full(1, 1e-6)
+    expected = 1e3 * np.tan(soil.friction_angle) * slip * mean / soil.shear
+    np.testing.assert_allclose(rolling.thrust(soil, slip), expected, rtol=1e-3)
+
+
+def test_wheels_balance_the_moments_of_pull_weight_and_resistance():
+    curve = drawbar_curve(SAND, HUSKY, SLIP, hitch_height=0.2)
+    lean = HUSKY.com_height * np.tan(curve.pitch)
+    moment = 0.2 * np.maximum(curve.pull, 0.0) + HUSKY.radius * curve.resistance
+    arm = -lean - moment / HUSKY.weight
+    front = HUSKY.weight * (0.5 + arm / HUSKY.length) / 2
+    first = roll(SAND, HUSKY, front, 0.0, SLIP)
+    second = roll(SAND, HUSKY, HUSKY.weight / 2 - front, first.rut, SLIP)
+    np.testing.assert_allclose(curve.sinkage, second.rut, rtol=1e-6)
+    resistance = 2 * (first.resistance + second.resistance)
+    np.testing.assert_allclose(curve.resistance, resistance, rtol=1e-6)
+    np.testing.assert_allclose(np.tan(curve.pitch), (second.rut - first.rut) / HUSKY.length)
+
+
+def test_wheels_climb_less_than_the_friction_angle():
+    steepest = most_slope(LOOSE, HUSKY)
+    assert np.radians(5.0) < steepest < LOOSE.friction_angle
+    assert slip_for(LOOSE, HUSKY, slope=0.9 * steepest) < 1.0
+    assert np.isnan(slip_for(LOOSE, HUSKY, slope=1.1 * steepest))
