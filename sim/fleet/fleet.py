@@ -16,9 +16,10 @@ from sim.ground.ground import Ground
 from sim.ground.pull import Pull
 from sim.ground.ruts import Ruts
 from sim.ground.shear import Shear
+from sim.ground.wheel_ruts import WheelRuts
 from sim.motors.motor import Drive, or_tireless
 from sim.motors.sprockets import Forecast, Sprockets
-from sim.robot.parameters import MAX_RADIUS_ERROR, SINK, TRACKS
+from sim.robot.parameters import MAX_RADIUS_ERROR, SINK
 from sim.robot.robot import Robot
 from trackslip import se2
 from trackslip.arguments import checks_arguments
@@ -86,9 +87,6 @@ class Fleet(Simulations):
         if shears:
             robot = robot.with_single_contacts()
         if sinks:
-            contact = robot.parameters.contact
-            allowed = f'"{TRACKS}" on soft soil, which is not simulated under wheels'
-            require(contact == TRACKS, "robot.contact", contact, allowed)
             robot = robot.with_movable_ground()
         super().__init__(robot.model, len(start), threads)
         self.robot = robot
@@ -411,12 +409,12 @@ class Fleet(Simulations):
         pitch = force * (centre[..., 2] - self.pull.height)
         yaw = -force * centre[..., 1]
 
-        # and of the resistance at the bottom of each track
+        # and of the resistance at the bottom of each track, or at the axles of wheels
         if self.ruts is not None:
             left, right = self.ruts.resistance[rows].T
             half_gauge = self.robot.geometry.half_gauge
             force = force - (left + right)
-            pitch = pitch - (left + right) * centre[..., 2]
+            pitch = pitch - (left + right) * (centre[..., 2] - self.ruts.lever)
             pitch = pitch - self._ground.traction_moment(rows)
             yaw = yaw + (left + right) * centre[..., 1] + (right - left) * half_gauge
         pull = [-force * cos, -force * sin, np.zeros_like(force)]
@@ -570,6 +568,17 @@ def _new_ruts(robot: Robot, size: int, drive: Drive) -> Ruts:
     shape = robot.parameters
     radius = float(robot.model.geom_size[robot.pads][0, 0])
     place = robot.pad_position
+    if shape.axles:
+        return WheelRuts(
+            place,
+            shape.patch_length,
+            shape.track_width,
+            size,
+            drive.period,
+            radius,
+            shape.axles,
+            shape.sprocket_radius,
+        )
     return Ruts(place, shape.contact_length, shape.track_width, size, drive.period, radius)
 
 

@@ -229,8 +229,7 @@ class FleetGround(Restorable):
         """
         self._surface[rows] = self._ground.surface(time, position, heading)[rows]
         if self._ruts is not None:
-            soft = self._soft(rows)
-            self._surface[soft, :, :2] = self._ruts.friction[soft]
+            self._soften(self._soft(rows))
         self.share(rows)
 
     def begin_ruts(self, rows: np.ndarray, pose: Array) -> None:
@@ -270,12 +269,11 @@ class FleetGround(Restorable):
         sinkage = np.zeros(len(rows))
         if self._ruts is None:
             return sinkage
-        width = self._robot.parameters.track_width
         for k, row in enumerate(rows.tolist()):
             ground = self.grounds[row]
             if ground.soil is not None:
                 pressure = SINK / self._give(rows[k : k + 1])[0] * np.cos(ground.slope)
-                sinkage[k] = ground.soil.sinkage(pressure, width)
+                sinkage[k] = self._ruts.sinkage(ground.soil, pressure)
         return sinkage
 
     def _soft(self, rows: Rows) -> np.ndarray:
@@ -289,7 +287,8 @@ class FleetGround(Restorable):
         on level ground.
         """
         shape = self._robot.parameters
-        area = 2 * shape.track_width * shape.contact_length
+        length = len(shape.axles) * shape.patch_length if shape.axles else shape.contact_length
+        area = 2 * shape.track_width * length
         masses = self._batch.expanded("body_mass")
         mass = self._robot.mass if masses is None else masses[rows].sum(axis=1)
         gravity = float(np.linalg.norm(self._robot.model.opt.gravity))
@@ -306,8 +305,13 @@ class FleetGround(Restorable):
         floor = self._ruts.floor[rows]
         self._heights[rows] = -floor
         self._margins[rows] = floor[:, None] - self._ruts.margin[rows]
-        soft = rows[self._ruts.is_soft[rows]]
+        self._soften(rows[self._ruts.is_soft[rows]])
+
+    def _soften(self, soft: np.ndarray) -> None:
+        """Give the pads of the robots `soft` (R,) the friction and the shear of their soil."""
+        assert self._ruts is not None
         self._surface[soft, :, :2] = self._ruts.friction[soft]
+        self._surface[soft, :, 2] = self._ruts.shear[soft]
 
     def share(self, rows: Rows) -> None:
         """Scale the pads' friction to the share that shear has mobilised under the robots `rows`
@@ -330,9 +334,11 @@ class FleetGround(Restorable):
             if soft.size:
                 which = self._ruts.is_soft[rows]
                 places = (before[:, which], after[:, which])
-                lifted = np.zeros_like(belt)
-                lifted[which] = self._ruts.advance(soft, *places, pose[which], belt[which])
+                in_air = self._ruts.advance(soft, *places, pose[which], belt[which])
                 self._write_ruts(soft)
+                if in_air is not None:
+                    lifted = np.zeros_like(belt)
+                    lifted[which] = in_air
         if self._shear is not None:
             modulus = self._surface[rows, ..., 2]
             self._shear.advance(rows, before, after, belt, modulus, lifted)

@@ -39,7 +39,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,9 +59,9 @@ WINDOW: Final = 256
 GROWTH: Final = 0.002
 """Travel over which the resistance grows: the settlement of the engine's contacts [m]."""
 _STRAY: Final = 32  # distance of a robot from the middle of its window that moves it [cells]
-_AHEAD: Final = 1.5  # distance ahead of a track's end at which soil is undisturbed by it [cells]
+AHEAD: Final = 1.5  # distance ahead of a track's end at which soil is undisturbed by it [cells]
 _ROUNDS: Final = 4  # of Newton's method for (1), to a millionth
-_MOST_FRICTION: Final = 10.0  # that pads with hardly any load have, because of cohesion [-]
+MOST_FRICTION: Final = 10.0  # that pads with hardly any load have, because of cohesion [-]
 _LEAST_RISE: Final = 1e-9  # of a track that rises from the soil, over its length [-]
 _TINY: Final = 1e-300
 _MOVES: Final = 1e-9  # shortest motion with a direction [m]
@@ -85,7 +85,7 @@ class _Moved:
     depth: NDArray[np.float32]  # (WINDOW, WINDOW) [m]
 
 
-class _Soils(NamedTuple):
+class Soils(NamedTuple):
     """The numbers of R robots' soils, each (R,)."""
 
     modulus: Array
@@ -95,20 +95,22 @@ class _Soils(NamedTuple):
     friction: Array  # tangent of the angle of friction
     by_depth: Array  # lateral force per length and depth, of cohesion
     by_square: Array  # lateral force per length and squared depth, of weight
+    shear: Array  # shear modulus
 
     @classmethod
-    def of(cls, soil: Soil, width: float) -> _Soils:
+    def of(cls, soil: Soil, width: float) -> Soils:
         """One soil under tracks of this width [m]."""
         by_depth, by_square = soil.bulldozing_terms
         friction = math.tan(soil.friction_angle)
-        numbers = (soil.modulus(width), soil.n, soil.n1, soil.cohesion, friction)
-        return cls(*(np.asarray(number) for number in (*numbers, by_depth, by_square)))
+        sinkage = (soil.modulus(width), soil.n, soil.n1)
+        strength = (soil.cohesion, friction, by_depth, by_square, soil.shear)
+        return cls(*(np.asarray(number) for number in (*sinkage, *strength)))
 
 
 class Ruts(Restorable):
     """Ruts of N robots on two tracks each, whose P pads touch the ground at one point each."""
 
-    STATE = (
+    STATE: ClassVar[tuple[str, ...]] = (
         "_depth",
         "_corner",
         "_slip",
@@ -136,14 +138,15 @@ class Ruts(Restorable):
             period: period of the servos [s].
             radius: radius of the pads' lower ends [m].
         """
+        self.lever = 0.0
+        """Height above the ground at which the resistance acts [m]."""
         self._length = length
         self._width = width
         self._period = period
         self._radius = radius
         pads = len(place)
         self._pads = pads
-        spacing = 2 * length / pads
-        lines = max(LEAST_LINES, math.ceil(width / (CELL * spacing)))
+        lines = self._line_count()
         self._cell = width / lines
         self._side = place[:, 1].reshape(2, -1)[:, 0]  # lateral places (2,) of the tracks [m]
         # the pads, and the rear and front ends of both tracks, which lie beyond the last pads
@@ -160,7 +163,7 @@ class Ruts(Restorable):
         # the robots' soils
         self.is_soft = np.zeros(size, bool)
         """Whether each robot (N,) is on soft soil."""
-        self._soil = np.ones((len(_Soils._fields), size))
+        self._soil = np.ones((len(Soils._fields), size))
         self._give = np.ones(size)  # of the springs [m/Pa]
 
         # one cell more, for all places outside of the windows
@@ -184,10 +187,17 @@ class Ruts(Restorable):
         """
         self.friction = np.ones((size, pads, 2))
         """Friction coefficients (N, P, 2) along and across the tracks [-]."""
+        self.shear = np.zeros((size, pads))
+        """Shear moduli (N, P) under the pads [m]."""
         self.resistance = np.zeros((size, 2))
         """Forces (N, 2) of compaction on the tracks, positive forwards [N]."""
         self.deepest = np.zeros((size, 2))
         """Depths (N, 2) of the ruts under the tracks, means over their lines [m]."""
+
+    def _line_count(self) -> int:
+        """Number of lines along a track, so that no two pads are in one cell."""
+        spacing = 2 * self._length / self._pads
+        return max(LEAST_LINES, math.ceil(self._width / (CELL * spacing)))
 
     @property
     def slip(self) -> Array:
@@ -209,7 +219,8 @@ class Ruts(Restorable):
         for row, soil in zip(rows.tolist(), soils, strict=True):
             self.is_soft[row] = soil is not None
             if soil is not None:
-                self._soil[:, row] = _Soils.of(soil, self._width)
+                self._soil[:, row] = Soils.of(soil, self._width)
+                self.shear[row] = soil.shear
             else:
                 self.margin[row] = 0.0
                 self.floor[row] = 0.0
@@ -226,6 +237,10 @@ class Ruts(Restorable):
         self._travel[rows] = 0.0
         self.resistance[rows] = 0.0
         self.traction[rows] = 0.0
+
+    def sinkage(self, soil: Soil, pressure: float) -> float:
+        """Sinkage of a robot at rest under a pressure on the area of its contacts [Pa], in m."""
+        return float(soil.sinkage(pressure, self._width))
 
     def mark(self) -> None:
         """Forget how to undo what was pressed so far."""
@@ -260,23 +275,15 @@ class Ruts(Restorable):
         cells = self._cells(rows, pose, self._under_x[None], self._under_y[None])
         return self._press(rows, pose, cells, self._of(rows))
 
-    def _press(self, rows: _Ints, pose: Array, under: _Ints, soil: _Soils) -> Array:
+    def _press(self, rows: _Ints, pose: Array, under: _Ints, soil: Soils) -> Array:
         """Do as `press` does, with the indices (R, P L) of the cells under the pads."""
         at_all = self._depths(pose)  # (R, P + 4) [m]
         pressed_at_all = self._soil_depth(rows, at_all, soil)
         depth = at_all[:, : self._pads]
         pressed = pressed_at_all[:, : self._pads]
 
-        # write the cells that become deeper
         cells = under.reshape(len(rows), -1, len(self._lines))  # (R, P, L)
-        before = self._depth[cells]
-        after = np.maximum(before, pressed[..., None].astype(np.float32))
-        is_deeper = after > before
-        if is_deeper.any():
-            deeper = cells[is_deeper]
-            self._written.append(_Pressed(deeper, before[is_deeper]))
-            np.maximum.at(self._depth, deeper, after[is_deeper])
-            self._depth[-1] = 0.0
+        self._deepen(cells, pressed[..., None])
         rut = self._depth[cells].astype(float)
 
         # the contact of springs that bear on all cells that they reach
@@ -299,7 +306,7 @@ class Ruts(Restorable):
         friction = np.empty((*along.shape, 2))
         friction[..., 0] = along
         friction[..., 1] = across
-        self.friction[rows] = np.minimum(friction, _MOST_FRICTION)
+        self.friction[rows] = np.minimum(friction, MOST_FRICTION)
 
         # the depth of each line, also at the ends of the tracks, which write no cells, so that soil
         # ahead of them stays untouched
@@ -309,9 +316,25 @@ class Ruts(Restorable):
         self.deepest[rows] = deepest.mean(axis=-1)
         return deepest
 
-    def advance(self, rows: _Ints, before: Array, after: Array, pose: Array, belt: Array) -> Array:
+    def _deepen(self, cells: _Ints, depth: Array) -> None:
+        """Press cells (R, ...) down to depths that broadcast to their shape [m], unless they are
+        deeper.
+        """
+        before = self._depth[cells]
+        after = np.maximum(before, depth.astype(np.float32))
+        is_deeper = after > before
+        if is_deeper.any():
+            deeper = cells[is_deeper]
+            self._written.append(_Pressed(deeper, before[is_deeper]))
+            np.maximum.at(self._depth, deeper, after[is_deeper])
+            self._depth[-1] = 0.0
+
+    def advance(
+        self, rows: _Ints, before: Array, after: Array, pose: Array, belt: Array
+    ) -> Array | None:
         """Update ruts and resistances after a period in which the robots `rows` (R,) moved, and
-        return the lengths (R, 2) of the tracks that are in the air where their belts enter [m].
+        return the lengths (R, 2) of the tracks that are in the air where their belts enter, None if
+        no track is [m].
 
         Args:
             rows: indices of the robots.
@@ -340,7 +363,7 @@ class Ruts(Restorable):
         sideways = aside[:, None] + turn[:, None] * end
         distance = np.sqrt(motion * motion + sideways * sideways)
         moves = distance > _MOVES
-        reach = _AHEAD * self._cell / np.where(moves, distance, 1.0)
+        reach = AHEAD * self._cell / np.where(moves, distance, 1.0)
         meets_x = end + reach * np.where(moves, motion, front)
         meets_y = (reach * np.where(moves, sideways, 0.0))[..., None] + self._side_lines
 
@@ -401,8 +424,8 @@ class Ruts(Restorable):
         self._slip[rows] = np.clip(mean, -1.0, 1.0)
         self._travel[rows] = np.clip(self._travel[rows] + motion, -GROWTH, GROWTH)
 
-    def _of(self, rows: _Ints) -> _Soils:
-        return _Soils(*self._soil[:, rows])
+    def _of(self, rows: _Ints) -> Soils:
+        return Soils(*self._soil[:, rows])
 
     def _windows(self) -> NDArray[np.float32]:
         """The cells (N, WINDOW, WINDOW), a view."""
@@ -430,7 +453,7 @@ class Ruts(Restorable):
         _, _, z, by_x, by_y, by_z, _ = pose.T[..., None]
         return -(z + by_x * self._x + by_y * self._y + (by_z - 1) * self._radius)
 
-    def _soil_depth(self, rows: _Ints, depth: Array, soil: _Soils) -> Array:
+    def _soil_depth(self, rows: _Ints, depth: Array, soil: Soils) -> Array:
         """Depths T (R, P + 4) of the soil under these places at depths (R, P + 4) [m], by (1).
 
         The depth T solves T + give k T^m = z. With u = log T, the logarithm of the left side has a

@@ -86,7 +86,7 @@ class RobotParameters(Checked):
     default is the shipped robot's, of 25 kg, whatever the other parameters are.
     """
     track_width: float = checked(TRACK_WIDTH, *_SIZE, stored_unless=TRACK_WIDTH)
-    """Width of a track on soft soil; it has no effect on other ground [m]."""
+    """Width of a track or wheel on soft soil; it has no effect on other ground [m]."""
     radius_split: float = checked(
         0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO
     )

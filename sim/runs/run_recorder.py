@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.engine.simulations import States
 from sim.fleet.fleet import Fleet
+from sim.robot.parameters import TRACKS
 from sim.robot.robot import CONTACT_WIDTH
 from trackslip import se2
 from trackslip.errors import RunFailedError as RunFailedError
@@ -170,15 +171,20 @@ class Sinking:
     """Largest angle between robot and ground, forwards or backwards [rad]."""
     slip: float
     """Smaller magnitude of the tracks' slips at the end [-]."""
+    contact: str = TRACKS
+    """What sank in: "tracks" or "wheels"."""
 
     @classmethod
-    def of(cls, rut: Array, resistance: Array, slip: Array, pitch: Array) -> Sinking:
-        """Find it from depths, forces and slips (T, 2) of the tracks and pitches (T,)."""
+    def of(
+        cls, rut: Array, resistance: Array, slip: Array, pitch: Array, contact: str = TRACKS
+    ) -> Sinking:
+        """Find it from depths, forces and slips (T, 2) of both sides and pitches (T,)."""
         return cls(
             sinkage=float(np.median(rut.mean(axis=1))),
             resistance=float(np.median(np.abs(resistance.sum(axis=1)))),
             pitch=float(np.abs(pitch).max()),
             slip=float(np.abs(slip[-1]).min()),
+            contact=contact,
         )
 
     @property
@@ -192,9 +198,9 @@ class Sinking:
         notes = []
         if self.is_immobilised:
             depth = 1e3 * self.sinkage
-            digging = f"the tracks dig at a slip of {self.slip:.2f}, {depth:.0f} mm deep"
+            digging = f"the {self.contact} dig at a slip of {self.slip:.2f}, {depth:.0f} mm deep"
             notes.append(f"immobilised: {digging}")
-        if self.pitch > _STEEP:
+        if self.pitch > _STEEP and self.contact == TRACKS:
             angle = np.degrees(self.pitch)
             notes.append(
                 f"the robot tilts by up to {angle:.1f}° in its ruts: beyond 3°, rigid tracks are a "
@@ -370,7 +376,8 @@ class RunRecorder:
             sinking = None
             if ruts is not None and slip is not None and ruts.is_soft[i]:
                 pitch = states.pitch[:, i]
-                sinking = Sinking.of(own["sinkage"], own["resistance"], slip[:, i], pitch)
+                soil = own["sinkage"], own["resistance"], slip[:, i], pitch
+                sinking = Sinking.of(*soil, self.fleet.robot.parameters.contact)
             else:
                 for name in _OF_SOIL:
                     own.pop(name, None)
