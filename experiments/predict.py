@@ -232,6 +232,7 @@ def run(config: Config) -> None:
         return
     robot, ground, load = predicted_world(config)
     contact = robot.contact_theory(ground.along, ground.across)
+    shear = ground.shear
     about_soil: dict[str, Any] = {}
     if ground.soil is not None:
         on_soil = OnSoil(robot, ground.soil, load)
@@ -241,9 +242,9 @@ def run(config: Config) -> None:
         if math.isnan(on_soil.slip()):
             _write(config, about_soil)
             return
-        contact, load = on_soil.turning()
-    turns = steady_turns(config.radii, contact, ground.shear, load)
-    speed_ahead, *_ = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)
+        contact, shear, load = on_soil.turning()
+    turns = steady_turns(config.radii, contact, shear, load)
+    speed_ahead, *_ = steady_twist([1.0, 1.0], contact, shear=shear, load=load)
 
     # slips and losses are those of the nominal sprocket
     nominal = 1 + robot.radius_error

@@ -19,7 +19,6 @@ from experiments.common.sweep import Row
 from experiments.common.table import MISSING, Table, number
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_summary import sinking_of
-from sim.robot.parameters import TRACKS
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.skid_theory import DrawbarCurve, Load
@@ -98,7 +97,7 @@ class DrawbarTest:
     @property
     def weight(self) -> float:
         """Weight of the robot [N]."""
-        return self.on_soil.tracks.weight
+        return self.on_soil.weight
 
     def column(self, name: str) -> Array:
         """A column (n,) of the rows, NaN where it is empty."""
@@ -195,7 +194,8 @@ def drawbar_tests(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[Drawb
     chosen = []
     for run, row in zip(runs, rows, strict=True):
         setting = run.setting.specification
-        is_soft = setting.ground.soil is not None and setting.parameters.contact == TRACKS
+        has_theory = len(setting.parameters.axles) in (0, 2)
+        is_soft = setting.ground.soil is not None and has_theory
         is_level = setting.ground.slope == 0
         is_straight = run.cell.radius >= _STRAIGHT
         if is_soft and is_level and is_straight and row.get("drawbar_slip") is not None:

@@ -32,8 +32,8 @@ _CAPTION: Final = (
 )
 
 _DRAWBAR_CAPTION: Final = (
-    "Marks: means over the last third of each run. Lines: theory of rigid tracks straight ahead, "
-    "as trackslip predict has it."
+    "Marks: means over the last third of each run. Lines: theory of rigid tracks or wheels, "
+    "straight ahead, as trackslip predict has it."
 )
 
 

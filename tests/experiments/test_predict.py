@@ -63,10 +63,23 @@ def test_a_pull_beyond_the_most_says_immobilised(trackslip):
     assert "Immobilised" in result.printed
 
 
-def test_soil_excludes_friction_and_wheels(refused):
+def test_soil_excludes_friction(refused):
     said = "must be left out: the soil of the ground has its own"
     assert said in refused("predict", "--ground", "dry_sand", "--shear", "0.01")
-    assert 'must be "tracks"' in refused("predict", "--ground", "dry_sand", "--robot", "husky")
+
+
+def test_wheels_on_soft_soil_have_two_ruts(trackslip):
+    result = trackslip("predict", "--ground", "upland_loam", "--robot", "husky")
+    summary = result.summary
+    front, rear = result.printed.split("level and without slip")[1].split()[0:3:2]
+    assert float(front) < float(rear) == pytest.approx(1e3 * summary["sinkage"], abs=0.01)
+    assert summary["most_pull"]["pull"] == pytest.approx(max(summary["drawbar"]["pull"]))
+    assert summary["resistance"] < summary["most_pull"]["pull"]
+
+
+def test_soil_that_does_not_bear_wheels_is_refused(refused):
+    said = "must be firm enough to drive on the level"
+    assert said in refused("predict", "--ground", "soft_snow", "--robot", "husky")
 
 
 def by_hand(capsys, line):
