@@ -310,7 +310,7 @@ class Fleet(Simulations):
             parts.append(self._roll(rows, periods_at_once))
             if self.ruts is not None:
                 data, ahead = parts[-1]
-                mean_force = data[..., :6].mean(axis=1)
+                mean_force = np.add.reduce(data[..., :6], axis=1) / data.shape[1]
                 self.ruts.traction[rows] = _along(mean_force, ahead[:, -1])
             if before is not None:
                 after = self._places(rows)

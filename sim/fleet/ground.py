@@ -258,11 +258,12 @@ class FleetGround(Restorable):
         """
         assert self._ruts is not None
         by_pad = self._ruts.compression[rows] * self._pads[rows, :, 0]
-        by_track = by_pad.reshape(len(by_pad), 2, -1)
-        height = self._ruts.height[rows].reshape(by_track.shape)
-        total = np.maximum(by_track.sum(axis=-1), _TINY)
-        mean_height = (by_track * height).sum(axis=-1) / total
-        return np.asarray((self._ruts.traction[rows] * mean_height).sum(axis=-1))
+        moment = by_pad * self._ruts.height[rows]
+        by_track = np.stack([by_pad, moment]).reshape(2, len(by_pad), 2, -1)
+        total, moments = np.add.reduce(by_track, axis=-1)  # (R, 2) each
+        mean_height = moments / np.maximum(total, _TINY)
+        left, right = (self._ruts.traction[rows] * mean_height).T
+        return np.asarray(left + right)
 
     def sinkage(self, rows: np.ndarray) -> Array:
         """Sinkages (R,) of the robots `rows` (R,) at rest, under an even pressure [m]."""

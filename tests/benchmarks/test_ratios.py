@@ -21,6 +21,7 @@ from experiments.simulate.world import World
 from sim import LaserScanner, Pilot, ScannerFeed, closed_loop
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.fleet.fleet import SETTLING, Fleet
+from sim.ground.ground import NAMED_GROUNDS, Ground
 from sim.path_tracking.config import PERIOD
 from sim.runs.stopwatch import Stopwatch
 from sim.terrain import Course, Flat
@@ -43,9 +44,9 @@ def periods(size: int, period: float, part: float = 1.0) -> int:
     return max(3, math.ceil(part * SECONDS / (size * period)))
 
 
-def on_circle(robot, size: int) -> Fleet:
+def on_circle(robot, size: int, ground: Ground | None = None) -> Fleet:
     start = np.tile(before_scanner(robot), (size, 1))
-    fleet = Fleet(robot, start, threads=1)
+    fleet = Fleet(robot, start, ground, threads=1)
     law = load_laws()["icr_radius"]
     fleet.command(law.sprocket_speeds([SPEED, SPEED / RADIUS], robot.geometry))
     fleet.advance(2.0)
@@ -64,6 +65,15 @@ def test_fleet(compare, robot, size, least):
     fleet = on_circle(robot, size)
     duration = SCAN * periods(size, SCAN)
     compare(lambda: fleet.advance(duration), bare_steps(fleet, duration), least)
+
+
+@pytest.mark.parametrize(("size", "least"), [(1, 0.3), (25, 0.5), (256, 0.5)])
+def test_soft_soil_over_ground_that_shears(compare, robot, size, least):
+    sand = NAMED_GROUNDS["dry_sand"]
+    soft = on_circle(robot, size, sand)
+    sheared = on_circle(robot, size, Ground(sand.along, sand.across, shear=sand.shear))
+    duration = SCAN * periods(size, SCAN, 0.3)
+    compare(lambda: soft.advance(duration), lambda: sheared.advance(duration), least)
 
 
 @pytest.mark.parametrize(("size", "least"), [(1, 0.2), (25, 0.6), (256, 0.7)])
