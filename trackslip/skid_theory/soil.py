@@ -490,8 +490,8 @@ def drawbar_curve(
 
     and the pull, the slope and the pitch of the robot shift the centre of pressure to
 
-        x_p = com_x - com_height tan(slope + pitch)
-              - (hitch_height pull + lever resistance) / (weight cos(slope))                     (6)
+        x_p = (com_x cos(slope + pitch) - com_height sin(slope + pitch)
+               - (hitch_height pull + lever resistance) / weight) / cos(slope)                   (6)
 
     with the lever 0 for the resistance of tracks, and the radius for that of wheels.
 
@@ -523,9 +523,10 @@ def drawbar_curve(
     def beyond(arm: Array) -> Array:
         """Distances (M,) by which arms (M,) are ahead of what (6) makes of their trim [m]."""
         motion, pull = driving(arm)
-        lean = gear.com_height * np.tan(slope + motion.pitch)
+        lean = slope + motion.pitch
+        com = (gear.com_x * np.cos(lean) - gear.com_height * np.sin(lean)) / math.cos(slope)
         moment = hitch_height * np.maximum(pull, 0.0) + gear.lever * motion.resistance
-        return np.asarray(arm - (gear.com_x - lean - moment / normal))
+        return np.asarray(arm - (com - moment / normal))
 
     # the foremost balance is stable; behind the next one, the robot tips over backwards
     foremost = np.minimum(gear.com_x + _FOREMOST * gear.length, reach)
