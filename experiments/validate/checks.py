@@ -150,11 +150,8 @@ def check_turns(checks: Checks) -> Turns:
 
 
 def check_standing(checks: Checks) -> None:
-    """Check loads and lean in the paper's turns, and creep of robots parked uphill, obliquely and
-    across a slope.
-    """
+    """Check loads and lean in the paper's turns, and creep on a slope."""
     setup = checks.setup
-    slope = checks.gentle_slope
     _, _, omega = paper_turns(setup.parameters)
     loads, attitude = measure_loads(setup, omega)
     sink = attitude[..., 0].mean(axis=1)
@@ -162,6 +159,13 @@ def check_standing(checks: Checks) -> None:
     checks.add("sink on level ground", sink, 0.05 * sink[0], "m", _SPRINGS)
     checks.add("roll and pitch in turns", attitude[..., 1:], math.radians(0.05), "rad", _SPRINGS)
 
+    check_creep(checks)
+
+
+def check_creep(checks: Checks) -> None:
+    """Check creep of robots parked uphill, obliquely and across a slope."""
+    setup = checks.setup
+    slope = checks.gentle_slope
     creep = f"creep, parked on {math.degrees(slope):.0f}°"
     if checks.tips_over(creep, 0.0, slope):
         return

@@ -2,9 +2,10 @@
 
 import math
 import sys
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
+from experiments.common.soil import assumptions
 from experiments.common.table import Table, number, pair, span
 from experiments.simulate.motors import print_motors
 from experiments.validate import figures
@@ -25,10 +27,14 @@ from experiments.validate.checks import (
 )
 from experiments.validate.config import Config
 from experiments.validate.measurements import Setup, checked_speed, paper_turns
+from experiments.validate.soil import check_soil
 from sim.common.seeds import generator
 from sim.ground.ground import load_ground
 from sim.motors.motor import or_tireless
 from sim.robot.named import load_parameters
+from sim.robot.parameters import TRACKS
+from trackslip.errors import require
+from trackslip.skid_theory import Soil
 
 _UNITS: Final = {
     "m": (1e3, "mm"),
@@ -47,6 +53,16 @@ _CAPTION: Final = (
 _NOTE: Final = "Each row shows the value that is closest to its bound."
 
 
+@dataclass(frozen=True)
+class _Comparison:
+    """What a comparison of a robot with theory found, besides its checks."""
+
+    facts: list[tuple[str, str]]
+    plots: list[Plot] = field(default_factory=list)
+    stored: dict[str, Any] = field(default_factory=dict)
+    """Entries of summary.json."""
+
+
 def run(config: Config) -> None:
     """Measure and check the robot, and store and print the checks; exits with 1 if a check
     fails.
@@ -56,59 +72,41 @@ def run(config: Config) -> None:
         ground = load_ground(config.ground.source)
     ground = config.ground.changed(ground)
     ground.require_even("the checks are for even ground, and tilt it themselves")
-    ground.require_firm("the checks are for firm ground; `trackslip predict` has soft soil")
+    if ground.soil is not None:
+        allowed = f'"{TRACKS}" on soft soil: the checks of sinking are for tracks'
+        require(parameters.contact == TRACKS, "robot.contact", parameters.contact, allowed)
     setup = Setup(parameters, ground, config.threads)
     checks = Checks(Path(config.robot).stem, setup)
     with Run(config) as run:
-        with run.busy("turns"):
-            turns = check_turns(checks)
-        with run.busy("loads and slopes"):
-            check_standing(checks)
-            sliding = check_sliding(checks)
-        with run.busy("energy"):
-            check_energy(checks, generator(config.seed, "energy"))
+        if ground.soil is None:
+            comparison = _compare_on_firm_ground(run, checks, config.seed)
+        else:
+            comparison = _compare_on_soft_soil(run, checks, ground.soil)
         header = ("check", "theory", "measured", "allowed")
         rows = [_row(check) for check in checks.done]
         table = Table("Theory and simulator", header, rows, note=_NOTE)
         alarms = [f"Failed: {what}." for what in checks.failed]
-        friction = f"friction {ground.along:g} along, {ground.across:g} across"
-        friction += f", shear {1e3 * ground.shear:g} mm" if ground.shear else ""
-        width = span(1e3 * turns.half_width[1].round(3), "mm")
-        slips = [span(turns.slip[1, :, side]) for side in (1, 0)]
-        facts = [
-            ("ground", friction),
-            ("b + D, half the distance of the ICRs", width),
-            ("slip, outer | inner track", pair(slips)),
-            ("speed of the belts, at most", f"{checked_speed(parameters):.3g} m/s"),
-        ]
         lines = [f"Not applicable: {line}." for line in checks.not_applicable]
         following = [f"trackslip grid --robot {config.robot}"]
-        answer = Answer(checks.verdict, facts, lines, alarms=alarms, next=following)
-        radius, speed, _ = paper_turns(parameters)
-        summary = partial(figures.checks_figure, checks.done)
-        drawn = partial(figures.deviations, turns, radius, speed, sliding)
-        plots = [
-            Plot("checks", summary, "All checks", _CHECKS),
-            Plot("deviations", drawn, "Turns and slopes", _CAPTION),
+        facts = [
+            *comparison.facts,
+            ("speed of the belts, at most", f"{checked_speed(parameters):.3g} m/s"),
         ]
-        sections = [Section("Simulated minus theory", [plots[0], table, plots[1]])]
+        answer = Answer(checks.verdict, facts, lines, alarms=alarms, next=following)
+        summary = partial(figures.checks_figure, checks.done)
+        all_checks = Plot("checks", summary, "All checks", _CHECKS)
+        sections = [Section("Simulated minus theory", [all_checks, table, *comparison.plots])]
         manifest = run.manifest(
             seed=config.seed, robot=parameters, ground=ground, model_sha256=setup.robot().digest
         )
         title = f"{checks.robot}: theory and simulator"
         page = Page(title, command_line("validate"), manifest, sections, answer=answer)
         page.write(run.folder, config.pdf)
-        stored = {
-            "radius": radius,
-            "speed": speed,
-            "half_width": turns.half_width,
-            "slip": turns.slip,
-        }
         found = {
             "checks": [check.to_json() for check in checks.done],
             "not_applicable": checks.not_applicable,
         }
-        run.write({**found, "turns": stored, "sliding": sliding}, manifest=manifest)
+        run.write({**found, **comparison.stored}, manifest=manifest)
     table.print()
     print_motors(config.robot, or_tireless(parameters.drive))
     print(checks.verdict)
@@ -117,6 +115,52 @@ def run(config: Config) -> None:
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
     if checks.failed:
         sys.exit(1)
+
+
+def _compare_on_firm_ground(run: Run, checks: Checks, seed: int) -> _Comparison:
+    """Check turns, loads, slopes and energy."""
+    parameters = checks.setup.parameters
+    ground = checks.setup.ground
+    with run.busy("turns"):
+        turns = check_turns(checks)
+    with run.busy("loads and slopes"):
+        check_standing(checks)
+        sliding = check_sliding(checks)
+    with run.busy("energy"):
+        check_energy(checks, generator(seed, "energy"))
+
+    friction = f"friction {ground.along:g} along, {ground.across:g} across"
+    friction += f", shear {1e3 * ground.shear:g} mm" if ground.shear else ""
+    width = span(1e3 * turns.half_width[1].round(3), "mm")
+    slips = [span(turns.slip[1, :, side]) for side in (1, 0)]
+    facts = [
+        ("ground", friction),
+        ("b + D, half the distance of the ICRs", width),
+        ("slip, outer | inner track", pair(slips)),
+    ]
+    radius, speed, _ = paper_turns(parameters)
+    drawn = partial(figures.deviations, turns, radius, speed, sliding)
+    stored = {
+        "radius": radius,
+        "speed": speed,
+        "half_width": turns.half_width,
+        "slip": turns.slip,
+    }
+    plots = [Plot("deviations", drawn, "Turns and slopes", _CAPTION)]
+    return _Comparison(facts, plots, {"turns": stored, "sliding": sliding})
+
+
+def _compare_on_soft_soil(run: Run, checks: Checks, soil: Soil) -> _Comparison:
+    """Check sinking, pulls, slopes and turns."""
+    with run.busy("soft soil"):
+        check_soil(checks)
+    width = checks.setup.parameters.track_width
+    facts = [
+        ("soft soil", soil.source or "as given"),
+        *assumptions(soil),
+        ("track", f"{number(1e3 * width, 0, 'mm')} wide"),
+    ]
+    return _Comparison(facts)
 
 
 def _row(check: Check) -> tuple[str, ...]:

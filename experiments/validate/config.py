@@ -17,12 +17,14 @@ EXAMPLES: Final = (
         "on ground that shears",
         "trackslip validate --robot husky --ground firm_sand --out out/validate-sand",
     ),
+    ("on soft soil", "trackslip validate --ground dry_sand --out out/validate-soil"),
 )
 
 
 @dataclass(frozen=True)
 class Config(Repeatable):
-    """Compare a robot on its ground with theory: turns, loads, creep and sliding on slopes, energy.
+    """Compare a robot on its ground with theory: turns, loads, creep and sliding on slopes, energy;
+    on soft soil, sinkage, resistance, pulls, slip uphill, turns and creep.
 
     Exits with 1 if a check fails. Checks that do not apply to the robot or its ground are listed
     with the reason.

@@ -1,0 +1,170 @@
+"""Checks of a tracked robot on soft soil: sinking straight ahead, under a pull and uphill, turning,
+and parking on a slope.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from experiments.common.soil import STEEP_TRIM, OnSoil
+from experiments.validate.checks import Checks, check_creep
+from experiments.validate.measurements import GRAVITY, speed_scale
+from sim.fleet.fleet import Fleet
+from sim.ground.pull import Pull
+from sim.robot.parameters import SINK
+from trackslip.errors import require
+from trackslip.kinematics import Array
+from trackslip.skid_theory import Load, Soil, Tracks, drawbar_curve, steady_twist
+
+DEEP: Final = 0.1
+"""Sinkage over the length of the tracks from which turns are a rough model [-]."""
+_SPEED: Final = 0.24  # of the belts of the shipped robot straight ahead [m/s]
+_TURNS: Final = ((0.12, 0.20), (0.08, 0.16), (0.20, 0.26), (-0.12, 0.12))  # its belts [m/s]
+_PASSES: Final = 6.0  # lengths of contact until a straight motion is steady
+_TURN_PASSES: Final = 3.0  # of the slowest belt, until a turn is steady
+_SHARES: Final = (0.3, 0.6)  # pulls over the largest [-]
+_SLIPS: Final = np.linspace(0.05, 1.0, 20)  # at which the largest pull is sought
+_STEP: Final = 1e-4  # of slips, for the slope of the pull over the slip [-]
+_ELSEWHERE: Final = (
+    "loads, sliding and work: on soft soil, tests/validation/test_soil.py checks what applies"
+)
+# sources of what is expected
+_BEKKER: Final = "Bekker (trackslip.skid_theory.soil)"
+_TRIM: Final = "Bekker, Janosi and Hanamoto, trim (trackslip.skid_theory.soil)"
+_BALANCE: Final = "quasi-static balance (trackslip.skid_theory), without slip-sinkage"
+
+
+@dataclass(frozen=True)
+class Straight:
+    """Steady motions of N robots straight ahead."""
+
+    slip: Array  # (N,) [-]
+    rut: Array  # (N,) depth [m]
+    resistance: Array  # (N,) force of compaction [N]
+    pitch: Array  # (N,) angle by which the robots point upwards from the ground [rad]
+
+
+def check_soil(checks: Checks) -> None:
+    """Check a tracked robot on the soft soil of `checks`."""
+    ground = checks.setup.ground
+    assert ground.soil is not None
+    soil = ground.soil
+    on_soil = OnSoil(checks.setup.parameters, soil, Load())
+    tracks = replace(on_soil.tracks, settlement=SINK)
+    curve = drawbar_curve(soil, tracks, _SLIPS, hitch_height=Pull().height)
+    largest = float(np.nan_to_num(curve.pull).max())
+    allowed = "firm enough to drive on the level"
+    require(largest > 0, "ground.soil", soil.source or "this soil", allowed)
+
+    slope = min(checks.gentle_slope, math.asin(_SHARES[-1] * largest / tracks.weight))
+    _check_straight(checks, soil, tracks, slope)
+    for share in _SHARES:
+        _check_pull(checks, soil, tracks, share * largest)
+    _check_turning(checks, on_soil)
+    check_creep(checks)
+    checks.not_applicable.append(_ELSEWHERE)
+
+
+def _drive(checks: Checks, slopes: Array, pull: Pull | None = None) -> Straight:
+    """Drive straight up slopes (N,) [rad] with a pull until the motion is steady."""
+    setup = checks.setup
+    grounds = [replace(setup.ground, slope=float(slope)) for slope in slopes]
+    fleet = setup.fleet(np.zeros((len(slopes), 3)), grounds, pull=pull)
+    speed = _SPEED * speed_scale(setup.parameters)
+    fleet.command(speed / setup.sprocket_radius)
+    length = setup.parameters.contact_length
+    _advance(fleet, 1.0 + _PASSES * length / speed)
+
+    before = fleet.pose()
+    _advance(fleet, 0.5)
+    moved = (fleet.pose() - before)[:, :2]
+    distance = np.hypot(moved[:, 0], moved[:, 1])
+    assert fleet.ruts is not None
+    return Straight(
+        slip=1 - distance / (speed * round(0.5 / fleet.period) * fleet.period),
+        rut=fleet.ruts.deepest.mean(axis=1),
+        resistance=-fleet.ruts.resistance.sum(axis=1),
+        pitch=-fleet.attitude()[:, 2],
+    )
+
+
+def _advance(fleet: Fleet, duration: float) -> None:
+    """Simulate about a `duration` [s], in whole servo periods."""
+    fleet.advance(round(duration / fleet.period) * fleet.period)
+
+
+def _check_straight(checks: Checks, soil: Soil, tracks: Tracks, slope: float) -> None:
+    """Check sinkage and resistance on the level, and the slip up a slope [rad]."""
+    driven = _drive(checks, np.array([0.0, slope]))
+    level = drawbar_curve(soil, tracks, driven.slip[:1])
+    depth = level.sinkage[0]
+    checks.add("sinkage on the level", [depth, driven.rut[0]], 0.01 * depth, "m", _BEKKER)
+    force = level.resistance[0]
+    resistance = driven.resistance[0]
+    checks.add("resistance on the level", [force, resistance], 0.015 * force, "N", _BEKKER)
+
+    # a step of Newton's method from the measured slip to the one at which nothing is left to pull
+    around = drawbar_curve(soil, tracks, driven.slip[1] + _STEP * np.array([-1.0, 0.0, 1.0]), slope)
+    what = f"slip uphill on {math.degrees(slope):.2g}°"
+    if not _is_too_steep(checks, what, around.pitch[1]):
+        gain = (around.pull[2] - around.pull[0]) / (2 * _STEP)
+        expected = driven.slip[1] - around.pull[1] / gain
+        checks.add(what, [expected, driven.slip[1]], 0.001, "1", _TRIM)
+
+
+def _check_pull(checks: Checks, soil: Soil, tracks: Tracks, force: float) -> None:
+    """Check the pull at the slip that one of this force takes on the level [N], and the pitch."""
+    pull = Pull(force, since=1.0)
+    driven = _drive(checks, np.zeros(1), pull)
+    theory = drawbar_curve(soil, tracks, driven.slip, hitch_height=pull.height)
+    what = f"pull of {force / tracks.weight:.2g} of the weight"
+    if _is_too_steep(checks, what, theory.pitch[0]):
+        return
+    allowed = 0.002 * tracks.weight
+    checks.add(f"{what}, at its slip", [theory.pull[0], force], allowed, "N", _TRIM)
+    allowed = math.radians(0.05)
+    checks.add(f"{what}: pitch", [theory.pitch[0], driven.pitch[0]], allowed, "rad", _TRIM)
+
+
+def _is_too_steep(checks: Checks, what: str, pitch: float) -> bool:
+    """True, with a note on `what`, if the robot tilts by more than STEEP_TRIM, or tips over in
+    theory, whose `pitch` is then NaN [rad].
+    """
+    if pitch <= STEEP_TRIM:
+        return False
+    limit = math.degrees(STEEP_TRIM)
+    reason = f"the robot tilts by more than {limit:.0f}°, where theory of rigid tracks is rough"
+    checks.not_applicable.append(f"{what}: {reason}")
+    return True
+
+
+def _check_turning(checks: Checks, on_soil: OnSoil) -> None:
+    """Check turns, and turns on the spot, on this soil without slip-sinkage."""
+    setup = checks.setup
+    even = replace(on_soil, soil=replace(on_soil.soil, n1=0.0))
+    belts = speed_scale(setup.parameters) * np.array(_TURNS)
+    fleet = setup.fleet(np.zeros((len(belts), 3)), replace(setup.ground, soil=even.soil))
+    fleet.command(belts / setup.sprocket_radius)
+    slowest = float(np.abs(belts).min())
+    _advance(fleet, _TURN_PASSES * setup.parameters.contact_length / slowest)
+    before = fleet.pose()[:, 2]
+    _advance(fleet, 1.0)
+    rate = (fleet.pose()[:, 2] - before) / (round(1.0 / fleet.period) * fleet.period)
+
+    contact, load = even.turning()
+    is_spin = belts.sum(axis=1) == 0
+    is_deep = even.sinkage > DEEP * even.tracks.length
+    difference = belts[:, 1] - belts[:, 0]
+    for what, rows, own_load, bound in (
+        ("b + D in turns", ~is_spin, load, 0.01),
+        ("b + D on the spot", is_spin, Load(), 0.013),  # in a rut, nothing resists
+    ):
+        twist = steady_twist(belts[rows], contact, GRAVITY, even.soil.shear, own_load)
+        theory = difference[rows] / (2 * twist[:, 2])
+        measured = difference[rows] / (2 * rate[rows])
+        allowed = (0.1 if is_deep else bound) * theory
+        checks.add(what, [theory, measured], allowed, "m", _BALANCE)
