@@ -155,7 +155,7 @@ def _check_turning(checks: Checks, on_soil: OnSoil) -> None:
     _advance(fleet, 1.0)
     rate = (fleet.pose()[:, 2] - before) / (round(1.0 / fleet.period) * fleet.period)
 
-    contact, load = even.turning()
+    contact, shear, load = even.turning()
     is_spin = belts.sum(axis=1) == 0
     is_deep = even.sinkage > DEEP * even.tracks.length
     difference = belts[:, 1] - belts[:, 0]
@@ -163,7 +163,7 @@ def _check_turning(checks: Checks, on_soil: OnSoil) -> None:
         ("b + D in turns", ~is_spin, load, 0.01),
         ("b + D on the spot", is_spin, Load(), 0.013),  # in a rut, nothing resists
     ):
-        twist = steady_twist(belts[rows], contact, GRAVITY, even.soil.shear, own_load)
+        twist = steady_twist(belts[rows], contact, GRAVITY, shear, own_load)
         theory = difference[rows] / (2 * twist[:, 2])
         measured = difference[rows] / (2 * rate[rows])
         allowed = (0.1 if is_deep else bound) * theory
