@@ -304,7 +304,7 @@ def test_thrust_of_a_wheel_at_little_slip_grows_with_the_sheared_length():
 
 def test_wheels_balance_the_moments_of_pull_weight_and_resistance():
     curve = drawbar_curve(SAND, HUSKY, SLIP, hitch_height=0.2)
-    lean = HUSKY.com_height * np.tan(curve.pitch)
+    lean = HUSKY.com_height * np.sin(curve.pitch)
     moment = 0.2 * np.maximum(curve.pull, 0.0) + HUSKY.radius * curve.resistance
     arm = -lean - moment / HUSKY.weight
     front = HUSKY.weight * (0.5 + arm / HUSKY.length) / 2
