@@ -131,7 +131,6 @@ def test_numbers_by_hand_that_contradict_are_refused(refused, line, said):
     assert said in refused("predict", *line.split())
 
 
-def test_calibrate_refuses_soft_soil_by_name(refused):
+def test_calibrate_takes_pull_tests_only_on_soft_soil(refused):
     refusal = refused("calibrate", "--ground", "dry_sand")
-    assert "ground.soil = 'Wong, Land Locomotion Laboratory': must be left out" in refusal
-    assert "parameters of soil are not fitted" in refusal
+    assert "target = 'published': must be on soft soil a table of a pull test" in refusal

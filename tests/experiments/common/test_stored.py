@@ -67,10 +67,10 @@ def test_a_command_run_again_prints_the_same(run, log):
 
 @pytest.mark.filterwarnings("default")
 def test_a_warning_is_printed_again(run, tmp_path):
-    (tmp_path / "wide.toml").write_text("half_gauge = 0.6\n")
+    (tmp_path / "wide.toml").write_text("half_gauge = 0.612\n")  # no other test has loaded it
     grid = ("grid", "--robot", "wide.toml", "--radii", "3", "--speeds", "0.1", "--duration", "4")
     _, printed, warned = run(*grid)
-    line = "warning: half_gauge = 0.6: turns are verified up to 0.51 m, 1.5 contact lengths"
+    line = "warning: half_gauge = 0.612: turns are verified up to 0.51 m, 1.5 contact lengths"
     assert line in warned.splitlines()
     _, reprinted, note = run(*grid)
     assert reprinted == printed

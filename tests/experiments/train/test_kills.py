@@ -85,7 +85,12 @@ def assert_same_policy(resumed, undisturbed):
 
 
 @pytest.mark.parametrize(
-    ("function", "call", "updates"), [("replace", 4, 3), ("savez", 2, 1), ("replace", 1, 0)]
+    ("function", "call", "updates"),
+    [
+        pytest.param("replace", 4, 3, marks=pytest.mark.slow),
+        ("savez", 2, 1),
+        pytest.param("replace", 1, 0, marks=pytest.mark.slow),
+    ],
 )
 def test_a_kill_while_storing_leaves_the_checkpoint_before(
     tmp_path, undisturbed, function, call, updates

@@ -13,7 +13,7 @@ from sim.runs.run_recorder import SINKING, Sinking
 from trackslip.errors import InvalidValueError
 from trackslip.logs.logfile import read_runs, write_parquet
 from trackslip.logs.table import TRUTH, column_names
-from trackslip.skid_theory import Tracks, slip_for
+from trackslip.skid_theory import Tracks, drawbar_curve
 
 SAND = NAMED_GROUNDS["dry_sand"]
 SNOW = NAMED_GROUNDS["soft_snow"]
@@ -71,17 +71,16 @@ def test_resistance_and_depth_while_driving_are_theorys(robot):
     np.testing.assert_allclose(fleet.mean_traction.sum(axis=1), force, rtol=0.02)
 
 
-def test_slip_under_a_pull_is_theorys(robot):
+def test_the_pull_at_a_slip_is_theorys(robot):
     pull = 0.15 * WEIGHT
     fleet = fleet_on(robot, SAND, REGOLITH, pull=Pull(pull, 0.1))
     drive(fleet, [2.0, 2.0], 9.0)
     before = fleet.pose()[:, 0]
     fleet.advance(0.5)
     slip = 1 - (fleet.pose()[:, 0] - before) / (0.5 * 2.0 * RADIUS)
-    expected = [
-        slip_for(ground.soil, TRACKS, pull, hitch_height=0.1) for ground in (SAND, REGOLITH)
-    ]
-    np.testing.assert_allclose(slip, expected, atol=1e-3)
+    for ground, its_slip in zip((SAND, REGOLITH), slip, strict=True):
+        theory = drawbar_curve(ground.soil, TRACKS, [its_slip], hitch_height=0.1)
+        assert theory.pull[0] == pytest.approx(pull, abs=0.002 * WEIGHT)
 
 
 def test_the_rut_of_a_first_pass_resists_no_more(robot):
@@ -112,7 +111,7 @@ def test_restart_clears_the_ruts(robot):
     assert fleet.ruts.resistance[0].sum() < -0.9 * resistance(SNOW)
 
 
-def random_drive(fleet, splits=1, seconds=2.0):
+def random_drive(fleet, splits=1, seconds=0.8):
     generator = np.random.default_rng(1)
     for _ in range(round(seconds / 0.4)):
         omega = generator.uniform(-4.0, 4.0, (fleet.size, 2))

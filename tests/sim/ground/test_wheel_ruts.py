@@ -118,7 +118,7 @@ def test_restart_clears_the_ruts(robot):
     np.testing.assert_allclose(fleet.ruts.resistance[0], fresh.ruts.resistance[0], rtol=1e-3)
 
 
-def random_drive(fleet, splits=1, seconds=2.0):
+def random_drive(fleet, splits=1, seconds=0.8):
     generator = np.random.default_rng(1)
     for _ in range(round(seconds / 0.4)):
         omega = generator.uniform(-4.0, 4.0, (fleet.size, 2))
