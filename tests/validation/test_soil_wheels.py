@@ -164,7 +164,11 @@ def test_slopes():
 
 
 def test_steepest_slope():
-    """Of soil without slip-sinkage, where a robot shows within seconds whether it climbs."""
+    """Of soil without slip-sinkage, where a robot shows within seconds whether it climbs.
+
+    On steeper slopes, a robot may drive until its rear wheels meet the ruts in which the front
+    wheels began, and stops there.
+    """
     checks = []
     for name in ("upland_loam", "regolith"):
         soil = replace(SOILS[name], n1=0.0)
@@ -175,7 +179,8 @@ def test_steepest_slope():
         drive(fleet, [speed / HUSKY.sprocket_radius] * 2, 25.0)
         before = fleet.pose()[:, 0]
         fleet.advance(1.0)
-        climbs = fleet.pose()[:, 0] - before > 0.01 * speed
+        moves = fleet.pose()[:, 0] - before > 0.01 * speed
+        climbs = moves & (before > 2 * WHEELS.length)
         steepest = float(slopes[climbs].max(initial=0.0))
         bound = math.radians(1.0)
         checks.append(Check(name, "steepest slope", steepest, bound, "rad", float(expected)))
