@@ -83,7 +83,7 @@ def difference(text: str, printed: str) -> str | None:
     tables apart.
     """
     rows = [line.split() for line in printed.splitlines() if line.strip(" ─")]
-    shown = [line.strip() for line in text.splitlines() if line.strip()]
+    shown = [line.strip() for line in text.splitlines() if line.strip(" ─")]
     lines = [line for line in shown if line != LEFT_OUT]
     place = 0
     for line in lines:
