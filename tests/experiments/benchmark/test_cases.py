@@ -60,6 +60,16 @@ def test_drawn_plants_are_the_same_for_all_controllers():
     assert abs(np.corrcoef(ratios, noises)[0, 1]) < 0.3
 
 
+def test_plants_on_soft_soil_keep_its_friction():
+    loops = ClosedLoops(Config(), "drawn")
+    cases = [
+        BenchmarkCase("linear", "none", "circle", "dry_sand", "zero", seed) for seed in range(20)
+    ]
+    plants = [loops.plant(case) for case in cases]
+    assert {plant.setup.ground for plant in plants} == {load_ground("dry_sand")}
+    assert len({plant.setup.radius_error for plant in plants}) == len(cases)
+
+
 def run(controller, rms, success=True, error=None, seed=0, compensation="online"):
     axes = BenchmarkCase(controller, compensation, "paper", "stone", "zero", seed).axes
     if error:
