@@ -50,6 +50,7 @@ def test_one_weight_tells_one_of_both_if_the_other_is_given(given):
     assert values_of(fit) == pytest.approx({name: getattr(TRUE, name) for name in free}, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_one_weight_tells_only_the_strength():
     """Cohesion and friction have no intervals, and that of their sum covers any shares of both."""
     pressure = WEIGHT / (2 * SAND.robot.contact_length * SAND.robot.track_width)

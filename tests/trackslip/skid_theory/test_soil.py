@@ -136,6 +136,7 @@ def test_a_front_that_is_deeper_leaves_its_rut_to_the_rest():
     assert standing.rear[0] == standing.front[0]  # on its floor
 
 
+@pytest.mark.slow
 def test_springs_on_rigid_soil_pitch_as_springs_do():
     """The load changes by 12 x_p / L over the track, as the settlement does; the pitch moves the
     centre of mass, and thus x_p, by its height.
