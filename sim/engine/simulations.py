@@ -73,6 +73,12 @@ class States:
         return self.qpos[..., first : first + 4]
 
     @property
+    def _components(self) -> tuple[Array, Array, Array, Array]:
+        """The components w, x, y, z (...) of the quaternions; `np.moveaxis` is slow."""
+        quaternion = self.quaternion
+        return quaternion[..., 0], quaternion[..., 1], quaternion[..., 2], quaternion[..., 3]
+
+    @property
     def velocity(self) -> Array:
         """Velocities (..., 3) of the chassis in the world [m/s]."""
         first = self.free[1]
@@ -89,7 +95,7 @@ class States:
         """Matrices (..., 3, 3) whose columns are the chassis' axes in the world: forwards, to the
         left, up.
         """
-        w, x, y, z = np.moveaxis(self.quaternion, -1, 0)
+        w, x, y, z = self._components
         rows = (
             (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
             (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
@@ -100,13 +106,13 @@ class States:
     @property
     def heading(self) -> Array:
         """Headings (...), from -pi to pi [rad]."""
-        w, x, y, z = np.moveaxis(self.quaternion, -1, 0)
+        w, x, y, z = self._components
         return np.asarray(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
     @property
     def upright(self) -> Array:
         """Cosines (...) of the angles between the chassis' vertical and the world's."""
-        _, x, y, _ = np.moveaxis(self.quaternion, -1, 0)
+        _, x, y, _ = self._components
         return np.asarray(1 - 2 * (x * x + y * y))
 
     @property

@@ -314,7 +314,7 @@ class Fleet(Simulations):
                 self.ruts.traction[rows] = _along(mean_force, ahead[:, -1])
             if before is not None:
                 after = self._places(rows)
-                pose = None if self.ruts is None else self._stance(rows)
+                pose = None if self.ruts is None else self._stance(rows, after)
                 self._ground.moved(rows, before, after, pose, track_speeds[k])
                 before = after
 
@@ -417,9 +417,13 @@ class Fleet(Simulations):
             pitch = pitch - (left + right) * (centre[..., 2] - self.ruts.lever)
             pitch = pitch - self._ground.traction_moment(rows)
             yaw = yaw + (left + right) * centre[..., 1] + (right - left) * half_gauge
-        pull = [-force * cos, -force * sin, np.zeros_like(force)]
-        moment = [-pitch * sin, pitch * cos, yaw]
-        self._wrench[rows] = np.stack(pull + moment, axis=-1)
+        wrench = np.zeros((len(heading), 6))
+        wrench[:, 0] = -force * cos
+        wrench[:, 1] = -force * sin
+        wrench[:, 3] = -pitch * sin
+        wrench[:, 4] = pitch * cos
+        wrench[:, 5] = yaw
+        self._wrench[rows] = wrench
 
     def _present_pull(self, rows: Rows) -> Array:
         """Pull (R,) on the robots `rows` (R,) at present [N]."""
@@ -467,8 +471,11 @@ class Fleet(Simulations):
         place[3] = 2 * (w * z + x * y)
         return place[:, rows]
 
-    def _stance(self, rows: Rows) -> Array:
-        """Poses (R, 7) of the robots `rows` (R,) in soil, see `Ruts.press`."""
+    def _stance(self, rows: Rows, place: Array | None = None) -> Array:
+        """Poses (R, 7) of the robots `rows` (R,) in soil, see `Ruts.press`; `place` as from
+        `_places`, if it is known.
+        """
+        _, _, cos, sin = self._places(rows) if place is None else place
         state = self.state
         w, x, y, z = state.quaternion[rows].T
         stance = np.empty((len(w), 7))
@@ -476,7 +483,7 @@ class Fleet(Simulations):
         stance[:, 3] = 2 * (x * z - w * y)
         stance[:, 4] = 2 * (y * z + w * x)
         stance[:, 5] = 1 - 2 * (x * x + y * y)
-        stance[:, 6] = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        stance[:, 6] = np.arctan2(sin, cos)
         return stance
 
     def _settle(self, rows: np.ndarray, duration: float) -> None:

@@ -146,6 +146,9 @@ class FleetGround(Restorable):
         self._robot = robot
         self._shear = shear
         self._ruts = ruts
+        self._everyone = np.arange(of.nsim)
+        self._chassis = robot.model.body("chassis").id
+        self._centre: Array = robot.model.body_ipos[self._chassis]  # (3,) of mass [m]
         if ruts is not None:
             # views of the batch: where contacts begin (N, P), and heights (N,) of the ground
             self._margins = of.expand("pair_margin")[:, robot.pad_pairs]
@@ -206,6 +209,7 @@ class FleetGround(Restorable):
             soils = [self.grounds[row].soil for row in where.tolist()]
             self._ruts.put(where, soils, self._give(where))
             self._write_ruts(where)
+            self._soften(self._soft(where))
             self.share(where)
         self.slope = np.array([ground.slope for ground in self.grounds])
         """Slopes of the grounds (N,) [rad]."""
@@ -246,6 +250,7 @@ class FleetGround(Restorable):
         if soft.size:
             self._ruts.press(soft, pose[self._ruts.is_soft[rows]])
             self._write_ruts(soft)
+            self._soften(soft)
             self.share(soft)
 
     def traction_moment(self, rows: Rows) -> Array:
@@ -259,8 +264,9 @@ class FleetGround(Restorable):
         assert self._ruts is not None
         by_pad = self._ruts.compression[rows] * self._pads[rows, :, 0]
         moment = by_pad * self._ruts.height[rows]
-        by_track = np.stack([by_pad, moment]).reshape(2, len(by_pad), 2, -1)
-        total, moments = np.add.reduce(by_track, axis=-1)  # (R, 2) each
+        of_track = len(by_pad), 2, -1
+        total = np.add.reduce(by_pad.reshape(of_track), axis=-1)  # (R, 2)
+        moments = np.add.reduce(moment.reshape(of_track), axis=-1)
         mean_height = moments / np.maximum(total, _TINY)
         left, right = (self._ruts.traction[rows] * mean_height).T
         return np.asarray(left + right)
@@ -280,8 +286,7 @@ class FleetGround(Restorable):
     def _soft(self, rows: Rows) -> np.ndarray:
         """Those of the robots `rows` that are on soft soil."""
         assert self._ruts is not None
-        everyone = np.arange(len(self.grounds))
-        return everyone[rows][self._ruts.is_soft[rows]]
+        return self._everyone[rows][self._ruts.is_soft[rows]]
 
     def _give(self, rows: np.ndarray) -> Array:
         """What the contacts of robots `rows` (R,) settle per pressure [m/Pa]: SINK under the weight
@@ -296,8 +301,7 @@ class FleetGround(Restorable):
         return np.broadcast_to(SINK * area / (mass * gravity), len(rows))
 
     def _write_ruts(self, rows: np.ndarray) -> None:
-        """Write where contacts begin to the engine, and the friction of soft soil, for the robots
-        `rows` (R,).
+        """Write to the engine where contacts begin under the robots `rows` (R,).
 
         The ground lies at the mean of the depths at which contacts begin, because the engine puts
         contact points midway between pad and ground.
@@ -306,13 +310,11 @@ class FleetGround(Restorable):
         floor = self._ruts.floor[rows]
         self._heights[rows] = -floor
         self._margins[rows] = floor[:, None] - self._ruts.margin[rows]
-        self._soften(rows[self._ruts.is_soft[rows]])
 
     def _soften(self, soft: np.ndarray) -> None:
         """Give the pads of the robots `soft` (R,) the friction and the shear of their soil."""
         assert self._ruts is not None
-        self._surface[soft, :, :2] = self._ruts.friction[soft]
-        self._surface[soft, :, 2] = self._ruts.shear[soft]
+        self._surface[soft] = self._ruts.surface[soft]
 
     def share(self, rows: Rows) -> None:
         """Scale the pads' friction to the share that shear has mobilised under the robots `rows`
@@ -337,6 +339,7 @@ class FleetGround(Restorable):
                 places = (before[:, which], after[:, which])
                 in_air = self._ruts.advance(soft, *places, pose[which], belt[which])
                 self._write_ruts(soft)
+                self._soften(soft)
                 if in_air is not None:
                     lifted = np.zeros_like(belt)
                     lifted[which] = in_air
@@ -389,9 +392,8 @@ class FleetGround(Restorable):
         """Centres of mass of the robots `rows` (R,) in the robots' frames [m]: (R, 3), or (3,) if
         all are equal.
         """
-        chassis = self._robot.model.body("chassis").id
         moved = self._batch.expanded("body_ipos")
-        return self._robot.model.body_ipos[chassis] if moved is None else moved[rows, chassis]
+        return self._centre if moved is None else moved[rows, self._chassis]
 
 
 def require_at_rest(

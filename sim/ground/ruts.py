@@ -60,7 +60,7 @@ GROWTH: Final = 0.002
 """Travel over which the resistance grows: the settlement of the engine's contacts [m]."""
 _STRAY: Final = 32  # distance of a robot from the middle of its window that moves it [cells]
 AHEAD: Final = 1.5  # distance ahead of a track's end at which soil is undisturbed by it [cells]
-_ROUNDS: Final = 4  # of Newton's method for (1), to a millionth
+_ROUNDS: Final = 3  # of Newton's method for (1), to a millionth
 MOST_FRICTION: Final = 10.0  # that pads with hardly any load have, because of cohesion [-]
 _LEAST_RISE: Final = 1e-9  # of a track that rises from the soil, over its length [-]
 _TINY: Final = 1e-300
@@ -86,7 +86,7 @@ class _Moved:
 
 
 class Soils(NamedTuple):
-    """The numbers of R robots' soils, each (R,)."""
+    """The numbers of R robots' soils, each (R, 1)."""
 
     modulus: Array
     exponent: Array
@@ -120,7 +120,7 @@ class Ruts(Restorable):
         "compression",
         "height",
         "traction",
-        "friction",
+        "surface",
         "resistance",
         "deepest",
     )
@@ -155,15 +155,15 @@ class Ruts(Restorable):
         self._y = np.concatenate([place[:, 1], self._side.repeat(2)])
         self._track = (self._y < self._side.mean()).astype(int)  # 0 left, 1 right
         self._lines = self._cell * (np.arange(lines) - (lines - 1) / 2)  # (L,) [m]
-        # places of the cells under the pads (P L,), pad by pad [m]
-        self._under_x = place[:, 0].repeat(lines)
-        self._under_y = np.add.outer(place[:, 1], self._lines).ravel()
-        self._side_lines = np.add.outer(self._side, self._lines)  # (2, L) [m]
+        # places of the cells under the pads (L, P), and across the tracks' ends [m]
+        self._under_x = np.tile(place[:, 0], (lines, 1))
+        self._under_y = np.add.outer(self._lines, place[:, 1])
+        self._side_lines = np.add.outer(self._lines, self._side)  # (L, 2) [m]
 
         # the robots' soils
         self.is_soft = np.zeros(size, bool)
         """Whether each robot (N,) is on soft soil."""
-        self._soil = np.ones((len(Soils._fields), size))
+        self._soil = np.ones((len(Soils._fields), size, 1))
         self._give = np.ones(size)  # of the springs [m/Pa]
 
         # one cell more, for all places outside of the windows
@@ -185,10 +185,10 @@ class Ruts(Restorable):
         """Forces (N, 2) of the ground on the tracks in the last period, forwards, which the fleet
         sets [N].
         """
-        self.friction = np.ones((size, pads, 2))
-        """Friction coefficients (N, P, 2) along and across the tracks [-]."""
-        self.shear = np.zeros((size, pads))
-        """Shear moduli (N, P) under the pads [m]."""
+        self.surface = np.ones((size, pads, 3))
+        """Friction along and across the tracks [-], and shear moduli [m], (N, P, 3) under the
+        pads.
+        """
         self.resistance = np.zeros((size, 2))
         """Forces (N, 2) of compaction on the tracks, positive forwards [N]."""
         self.deepest = np.zeros((size, 2))
@@ -219,8 +219,8 @@ class Ruts(Restorable):
         for row, soil in zip(rows.tolist(), soils, strict=True):
             self.is_soft[row] = soil is not None
             if soil is not None:
-                self._soil[:, row] = Soils.of(soil, self._width)
-                self.shear[row] = soil.shear
+                self._soil[:, row, 0] = Soils.of(soil, self._width)
+                self.surface[row, :, 2] = soil.shear
             else:
                 self.margin[row] = 0.0
                 self.floor[row] = 0.0
@@ -267,30 +267,40 @@ class Ruts(Restorable):
 
     def press(self, rows: _Ints, pose: Array) -> Array:
         """Press the soil under the robots `rows` (R,), by (1) and (2), find where contacts begin
-        and their friction, and return the depths (R, 2, L) of the tracks' lines [m].
+        and their friction, and return the depths (R, L, 2) of the tracks' lines [m].
 
         `pose` (R, 7) has the chassis' position, the vertical components of its three axes, and its
         heading [m, -, rad]. A second press in the same place changes nothing.
         """
         cells = self._cells(rows, pose, self._under_x[None], self._under_y[None])
-        return self._press(rows, pose, cells, self._of(rows))
+        soil = self._of(rows)
+        exponent = self._exponents(rows, soil)
+        return self._press(rows, pose, self._depths(pose), cells, soil, exponent)
 
-    def _press(self, rows: _Ints, pose: Array, under: _Ints, soil: Soils) -> Array:
-        """Do as `press` does, with the indices (R, P L) of the cells under the pads."""
-        at_all = self._depths(pose)  # (R, P + 4) [m]
-        pressed_at_all = self._soil_depth(rows, at_all, soil)
+    def _press(
+        self,
+        rows: _Ints,
+        pose: Array,
+        at_all: Array,
+        under: _Ints,
+        soil: Soils,
+        exponent: Array,
+    ) -> Array:
+        """Do as `press` does, with the depths (R, P + 4) of pads and ends [m], the indices (R, L, P)
+        of the cells under the pads, and the exponents (R, 2) of sinkage.
+        """
+        pressed_at_all = self._soil_depth(rows, at_all, soil, exponent)
         depth = at_all[:, : self._pads]
         pressed = pressed_at_all[:, : self._pads]
 
-        cells = under.reshape(len(rows), -1, len(self._lines))  # (R, P, L)
-        self._deepen(cells, pressed[..., None])
-        rut = self._depth[cells].astype(float)
+        self._deepen(under, pressed[:, None])
+        rut = self._depth[under].astype(float)
 
         # the contact of springs that bear on all cells that they reach
-        compression = _mean(np.maximum(depth[..., None] - rut, 0.0))  # (R, P) [m]
+        compression = _mean(np.maximum(depth[:, None] - rut, 0.0), axis=1)  # (R, P) [m]
         reaches = compression > 0
-        margin = np.where(reaches, depth - compression, rut.min(axis=-1))
-        floor = _mean(margin)
+        margin = np.where(reaches, depth - compression, np.minimum.reduce(rut, axis=1))
+        floor = _mean(margin, axis=1)
         self.compression[rows] = compression
         self.margin[rows] = margin
         self.floor[rows] = floor
@@ -300,20 +310,23 @@ class Ruts(Restorable):
 
         # the strength of the soil over the pressure
         pressure = np.where(reaches, compression, np.inf) / self._give[rows, None]
-        along = soil.friction[:, None] + soil.cohesion[:, None] / pressure
-        bulldozed = (soil.by_square[:, None] * margin + soil.by_depth[:, None]) * margin
+        along = soil.friction + soil.cohesion / pressure
+        bulldozed = (soil.by_square * margin + soil.by_depth) * margin
         across = along + bulldozed / (self._width * pressure)
-        friction = np.empty((*along.shape, 2))
-        friction[..., 0] = along
-        friction[..., 1] = across
-        self.friction[rows] = np.minimum(friction, MOST_FRICTION)
+        surface = np.empty((*along.shape, 3))
+        surface[..., 0] = np.minimum(along, MOST_FRICTION)
+        surface[..., 1] = np.minimum(across, MOST_FRICTION)
+        surface[..., 2] = soil.shear
+        self.surface[rows] = surface
 
         # the depth of each line, also at the ends of the tracks, which write no cells, so that soil
         # ahead of them stays untouched
-        deepest_end = pressed_at_all[:, self._pads :].reshape(-1, 2, 2).max(axis=-1)
-        by_track = rut.reshape(len(rows), 2, -1, len(self._lines)).max(axis=2)  # (R, 2, L)
-        deepest = np.maximum(by_track, deepest_end[..., None])
-        self.deepest[rows] = _mean(deepest)
+        by_end = pressed_at_all[:, self._pads :].reshape(-1, 2, 2)
+        deepest_end = np.maximum.reduce(by_end, axis=-1)
+        by_pad = rut.reshape(len(rows), len(self._lines), 2, -1)
+        by_track = np.maximum.reduce(by_pad, axis=3)  # (R, L, 2)
+        deepest = np.maximum(by_track, deepest_end[:, None])
+        self.deepest[rows] = _mean(deepest, axis=1)
         return deepest
 
     def _deepen(self, cells: _Ints, depth: Array) -> None:
@@ -344,66 +357,58 @@ class Ruts(Restorable):
             belt: belt speeds (R, 2), positive forwards [m/s].
         """
         self._follow(rows, after[:2].T)
-        soil = self._of(rows)
-
-        # motion of the robots in their own frames, and of their tracks; in `before`, cosine and
-        # sine are the horizontal components of an axis that a pitch shortens
-        x_change, y_change = (after - before)[:2]
-        cos, sin = before[2:] / np.hypot(before[2], before[3])
-        ahead = cos * x_change + sin * y_change
-        aside = cos * y_change - sin * x_change
-        turn = cos * after[3] - sin * after[2]
-        motion = ahead[:, None] - turn[:, None] * self._side  # (R, 2) [m]
+        motion, aside, turn = self._motion(before, after)
         self._slide(rows, motion, belt * self._period)
+        soil = self._of(rows)
+        exponent = self._exponents(rows, soil)
 
         # where the ends of the tracks will meet soil, in the direction in which they move
         travel = self._travel[rows]
         front = np.where(travel >= 0, 1.0, -1.0)  # (R, 2)
         end = front * (self._length / 2)
-        sideways = aside[:, None] + turn[:, None] * end
+        sideways = aside + turn * end
         distance = np.sqrt(motion * motion + sideways * sideways)
         moves = distance > _MOVES
         reach = AHEAD * self._cell / np.where(moves, distance, 1.0)
         meets_x = end + reach * np.where(moves, motion, front)
-        meets_y = (reach * np.where(moves, sideways, 0.0))[..., None] + self._side_lines
+        meets_y = (reach * np.where(moves, sideways, 0.0))[:, None] + self._side_lines
 
         # the cells under the pads, and those that the ends meet
-        count = len(self._under_x)
-        x = np.empty((len(rows), count + self._side_lines.size))
+        pads = self._pads
+        x = np.empty((len(rows), len(self._lines), pads + 2))
         y = np.empty_like(x)
-        x[:, :count] = self._under_x
-        y[:, :count] = self._under_y
-        x[:, count:] = meets_x.repeat(len(self._lines), axis=1)
-        y[:, count:] = meets_y.reshape(len(rows), -1)
+        x[..., :pads] = self._under_x
+        y[..., :pads] = self._under_y
+        x[..., pads:] = meets_x[:, None]
+        y[..., pads:] = meets_y
         cells = self._cells(rows, pose, x, y)
-        deepest = self._press(rows, pose, cells[:, :count], soil)
-        untouched = self._depth[cells[:, count:]].astype(float).reshape(deepest.shape)
+        depth = self._depths(pose)
+        deepest = self._press(rows, pose, depth, cells[..., :pads], soil, exponent)
+        untouched = self._depth[cells[..., pads:]].astype(float)
 
         # the resistance, by (3)
-        growth = soil.growth[:, None] * np.abs(self._slip[rows])
-        exponent = soil.exponent[:, None] + growth + 1
-        scale = soil.modulus[:, None] / exponent
-        power = exponent[..., None]
-        work = _mean(np.maximum(deepest**power - untouched**power, 0.0))
-        self.resistance[rows] = -self._width * scale * work * (travel / GROWTH)
+        power = exponent + 1
+        by_line = power[:, None]
+        pressed = _mean(np.maximum(deepest**by_line - untouched**by_line, 0.0), axis=1)
+        work = soil.modulus / power * pressed
+        self.resistance[rows] = -self._width * work * (travel / GROWTH)
 
-        lifted = self._lifted(rows, pose, front, _mean(untouched))
+        rear, foremost = depth[:, pads:].reshape(-1, 2, 2).transpose(2, 0, 1)
+        gap = _mean(untouched, axis=1) - np.where(travel >= 0, foremost, rear)
+        lifted = self._lifted(rows, pose, front, gap)
         return None if lifted is None else np.where(front * belt > 0, lifted, 0.0)
 
-    def _lifted(self, rows: _Ints, pose: Array, front: Array, ahead: Array) -> Array | None:
+    def _lifted(self, rows: _Ints, pose: Array, front: Array, gap: Array) -> Array | None:
         """Lengths (R, 2) in the air at the tracks' ends in the direction `front` (R, 2), 1 or -1,
-        with ruts of the depths `ahead` (R, 2) of them, None if no end is in the air [m].
+        which are above the soil ahead of them by a `gap` (R, 2); None if no end is in the air [m].
 
         The contact begins where a straight track is as deep as the soil ahead, between the first
         pad that touches and the pad, or the track's end, ahead of it.
         """
-        _, _, z, by_x, by_y, by_z, _ = pose.T[..., None]
-        end = front * (self._length / 2)
-        depth = -(z + by_x * end + by_y * self._side + (by_z - 1) * self._radius)
-        gap = np.maximum(ahead - depth, 0.0)
-        if not gap.any():
+        if np.maximum.reduce(gap, axis=None) <= 0:
             return None
-        distance = gap / np.maximum(front * by_x, _LEAST_RISE)
+        rise = front * pose[:, 3:4]
+        distance = np.maximum(gap, 0.0) / np.maximum(rise, _LEAST_RISE)
 
         # from the rear to the end at the front
         is_free = (self.compression[rows] == 0).reshape(len(rows), 2, -1)
@@ -412,19 +417,30 @@ class Ruts(Restorable):
         spacing = self._length / is_free.shape[-1]
         return np.clip(distance, np.maximum(pads - 0.5, 0.0) * spacing, (pads + 0.5) * spacing)
 
+    def _motion(self, before: Array, after: Array) -> tuple[Array, Array, Array]:
+        """Motion in the robots' frames between places (4, R), see `advance`: forwards of both sides
+        (R, 2), to the left (R, 1) [m], and turn (R, 1) [rad].
+        """
+        x_change, y_change = (after - before)[:2]
+        # in `before`, they are the horizontal components of an axis that a pitch shortens
+        cos, sin = before[2:] / np.hypot(before[2], before[3])
+        ahead = cos * x_change + sin * y_change
+        aside = cos * y_change - sin * x_change
+        turn = (cos * after[3] - sin * after[2])[:, None]
+        return ahead[:, None] - turn * self._side, aside[:, None], turn
+
     def _slide(self, rows: _Ints, motion: Array, run: Array) -> None:
         """Update slips and travels after tracks moved by `motion` and their belts ran by `run` (R,
         2) [m].
 
         The slip is a mean over the length of contact that the belt runs through.
         """
-        runs = run != 0
-        slip = np.where(runs, 1 - motion / np.where(runs, run, 1.0), 0.0)
-        weight = -np.expm1(-np.abs(run) / self._length)
+        slip = 1 - motion / np.where(run != 0, run, 1.0)
+        weight = -np.expm1(-np.abs(run) / self._length)  # 0 for belts at rest
         before = self._slip[rows]
         mean = before + weight * (slip - before)
-        self._slip[rows] = np.clip(mean, -1.0, 1.0)
-        self._travel[rows] = np.clip(self._travel[rows] + motion, -GROWTH, GROWTH)
+        self._slip[rows] = _within(mean, 1.0)
+        self._travel[rows] = _within(self._travel[rows] + motion, GROWTH)
 
     def _of(self, rows: _Ints) -> Soils:
         return Soils(*self._soil[:, rows])
@@ -434,37 +450,42 @@ class Ruts(Restorable):
         return self._depth[:-1].reshape(-1, WINDOW, WINDOW)
 
     def _cell_of(self, place: Array) -> _Ints:
-        """Cells (..., 2) in the world at places (..., 2) [m]."""
+        """Cells in the world at places with coordinates of any shape [m]."""
         return np.floor(place / self._cell).astype(int)
 
     def _cells(self, rows: _Ints, pose: Array, x: Array, y: Array) -> _Ints:
-        """Indices (R, K) of the cells at places `x` and `y` (R or 1, K) on the robots [m]."""
-        cos = np.cos(pose[:, 6:])
-        sin = np.sin(pose[:, 6:])
-        corner = self._corner[rows]
-        in_x = (pose[:, :1] + cos * x - sin * y) / self._cell
-        in_y = (pose[:, 1:2] + sin * x + cos * y) / self._cell
-        i = np.floor(in_x).astype(int) - corner[:, :1]
-        j = np.floor(in_y).astype(int) - corner[:, 1:]
+        """Indices (R, ...) of the cells at places `x` and `y` (R or 1, ...) on the robots [m]."""
+        shape = len(rows), *x.shape[1:]
+        x = x.reshape(len(x), -1)
+        y = y.reshape(len(y), -1)
+        heading = pose[:, 6]
+        forwards = np.array([np.cos(heading), np.sin(heading)])[..., None]  # (2, R, 1)
+        leftwards = np.array([-forwards[1], forwards[0]])
+        place = pose[:, :2].T[..., None] + forwards * x + leftwards * y  # (2, R, K) [m]
+        i, j = self._cell_of(place) - self._corner[rows].T[..., None]
         is_inside = (np.minimum(i, j) >= 0) & (np.maximum(i, j) < WINDOW)
         index = (rows[:, None] * WINDOW + i) * WINDOW + j
-        return np.where(is_inside, index, len(self._depth) - 1)
+        return np.where(is_inside, index, len(self._depth) - 1).reshape(shape)
 
     def _depths(self, pose: Array) -> Array:
         """Depths (R, P + 4) of the lower ends of the pads, and of the ends of the tracks [m]."""
         _, _, z, by_x, by_y, by_z, _ = pose.T[..., None]
         return -(z + by_x * self._x + by_y * self._y + (by_z - 1) * self._radius)
 
-    def _soil_depth(self, rows: _Ints, depth: Array, soil: Soils) -> Array:
-        """Depths T (R, P + 4) of the soil under these places at depths (R, P + 4) [m], by (1).
+    def _exponents(self, rows: _Ints, soil: Soils) -> Array:
+        """Exponents (R, 2) of sinkage under the tracks [-]."""
+        return soil.exponent + soil.growth * np.abs(self._slip[rows])
+
+    def _soil_depth(self, rows: _Ints, depth: Array, soil: Soils, by_track: Array) -> Array:
+        """Depths T (R, P + 4) of the soil under these places at depths (R, P + 4) [m], by (1),
+        with exponents (R, 2) of sinkage; next to nothing under those in the air.
 
         The depth T solves T + give k T^m = z. With u = log T, the logarithm of the left side has a
         slope between 1 and m everywhere, so that Newton's method converges from the smaller of both
         limits.
         """
-        by_track = soil.exponent[:, None] + soil.growth[:, None] * np.abs(self._slip[rows])
         exponent = by_track[:, self._track]
-        of_spring = (self._give[rows] * soil.modulus)[:, None]
+        of_spring = self._give[rows, None] * soil.modulus
         log_depth = np.log(np.maximum(depth, _TINY))
         u = np.minimum(log_depth, (log_depth - np.log(of_spring)) / exponent)
         for _ in range(_ROUNDS):
@@ -472,7 +493,7 @@ class Ruts(Restorable):
             firm = of_spring * np.exp(exponent * u)
             total = soft + firm
             u -= (np.log(total) - log_depth) * total / (soft + exponent * firm)
-        return np.where(depth > 0, np.exp(u), 0.0)
+        return np.asarray(np.exp(u))
 
     def _follow(self, rows: _Ints, position: Array) -> None:
         """Move the windows of robots `rows` (R,) at positions (R, 2) [m] that are off their
@@ -480,9 +501,10 @@ class Ruts(Restorable):
         """
         cell = self._cell_of(position)
         stray = cell - self._corner[rows] - WINDOW // 2
-        is_off = (np.abs(stray) > _STRAY).any(axis=1)
-        for k in np.flatnonzero(is_off):
-            self._move(int(rows[k]), stray[k])
+        distance = np.maximum.reduce(np.abs(stray), axis=1)
+        for k, farthest in enumerate(distance.tolist()):
+            if farthest > _STRAY:
+                self._move(int(rows[k]), stray[k])
 
     def _move(self, robot: int, by: _Ints) -> None:
         """Move a robot's window by some cells `by` (2,)."""
@@ -499,6 +521,11 @@ class Ruts(Restorable):
         self._corner[robot] += by
 
 
-def _mean(values: Array) -> Array:
-    """Means (...) over the last axis of values (..., n); the method `mean` is slow."""
-    return np.asarray(np.add.reduce(values, axis=-1) / values.shape[-1])
+def _mean(values: Array, axis: int) -> Array:
+    """Means over an axis; the method `mean` is slow."""
+    return np.asarray(np.add.reduce(values, axis=axis) / values.shape[axis])
+
+
+def _within(values: Array, largest: float) -> Array:
+    """Values clipped to at most `largest` in size; `np.clip` is slow."""
+    return np.minimum(np.maximum(values, -largest), largest)

@@ -51,7 +51,7 @@ _Ints = NDArray[np.int_]
 class WheelRuts(Ruts):
     """Ruts of N robots on T wheels each, the left ones first, from rear to front on each side."""
 
-    STATE: ClassVar[tuple[str, ...]] = (*Ruts.STATE, "wheel_depth", "shear", "_ahead")
+    STATE: ClassVar[tuple[str, ...]] = (*Ruts.STATE, "wheel_depth", "_ahead")
 
     def __init__(
         self,
@@ -120,9 +120,8 @@ class WheelRuts(Ruts):
         """Press the soil under the robots `rows` (R,), see `Ruts`; returns depths (R, T) of the
         wheels [m].
         """
-        x = self._axle.repeat(len(self._lines))[None]
-        y = self._line_y.reshape(1, -1)
-        cells = self._cells(rows, pose, x, y).reshape(len(rows), *self._line_y.shape)
+        x = np.broadcast_to(self._axle[:, None], self._line_y.shape)
+        cells = self._cells(rows, pose, x[None], self._line_y[None])
         return self._roll(rows, pose, cells, np.zeros((len(rows), 2)))
 
     def advance(
@@ -133,16 +132,10 @@ class WheelRuts(Ruts):
         """
         self._follow(rows, after[:2].T)
 
-        # motion of the wheels in the robots' frames
-        x_change, y_change = (after - before)[:2]
-        cos, sin = before[2:] / np.hypot(before[2], before[3])
-        ahead = cos * x_change + sin * y_change
-        aside = cos * y_change - sin * x_change
-        turn = cos * after[3] - sin * after[2]
-        motion = ahead[:, None] - turn[:, None] * self._side  # (R, 2) [m]
+        motion, aside, turn = self._motion(before, after)
         self._slide(rows, motion, belt * self._period)
         by_wheel = motion.repeat(self._axles, axis=1)  # (R, T) [m]
-        sideways = aside[:, None] + turn[:, None] * self._axle
+        sideways = aside + turn * self._axle
 
         # the cells under the wheels, those on the way to there, so that fast wheels leave no gaps,
         # and those ahead in the direction of motion
@@ -158,8 +151,7 @@ class WheelRuts(Ruts):
         y[:, 1] = self._line_y - sideways[..., None] / 2
         x[:, 2] = (self._axle + front)[..., None]
         y[:, 2] = self._line_y + drift[..., None]
-        flat = len(rows), -1
-        cells = self._cells(rows, pose, x.reshape(flat), y.reshape(flat)).reshape(x.shape)
+        cells = self._cells(rows, pose, x, y)
         below = cells[:, :2].swapaxes(1, 2).reshape(len(rows), len(self._axle), -1)  # (R, T, 2 L)
 
         # the soil ahead
@@ -176,7 +168,7 @@ class WheelRuts(Ruts):
         pressed = depth[..., None] ** power - self._ahead[rows] ** power
         work = np.maximum(pressed, 0.0).mean(axis=-1) / power[..., 0]
         of_wheels = work.reshape(len(rows), 2, self._axles).sum(axis=-1)
-        scale = self._width * soil.modulus[:, None]
+        scale = self._width * soil.modulus
         self.resistance[rows] = -scale * of_wheels * (self._travel[rows] / GROWTH)
         return None
 
@@ -222,13 +214,13 @@ class WheelRuts(Ruts):
         """
         # the strength of the soil under the arc
         chord, pressure = self._arc(depth, self._ahead[rows], exponent)
-        frictional = soil.friction[:, None] * load
-        cohesive = soil.cohesion[:, None] * self._width * chord.mean(axis=-1)
+        frictional = soil.friction * load
+        cohesive = soil.cohesion * self._width * chord.mean(axis=-1)
         along = frictional + cohesive
         across = along + self._bulldozing(depth, soil)
         friction = np.stack([along, across], axis=-1) / np.maximum(load, _TINY)[..., None]
         friction = np.minimum(friction, MOST_FRICTION)
-        self.friction[rows] = friction.repeat(self._pads_of_wheel, axis=1)
+        self.surface[rows, :, :2] = friction.repeat(self._pads_of_wheel, axis=1)
 
         # its shares at the points of the arc, and their distances behind the entry, (R, T, q)
         borne = chord[..., None] * pressure
@@ -248,10 +240,10 @@ class WheelRuts(Ruts):
         of_part = np.maximum(common, 0.0) * self._pads_of_wheel
         distance = np.einsum("rtpq,rtq->rtp", of_part, behind)
 
-        modulus = soil.shear[:, None, None] * self._passed / np.maximum(distance, _SHORTEST)
+        modulus = soil.shear[..., None] * self._passed / np.maximum(distance, _SHORTEST)
         rolls_back = (self._travel[rows] < 0).repeat(self._axles, axis=1)
         modulus = np.where(rolls_back[..., None], modulus[..., ::-1], modulus)
-        self.shear[rows] = modulus.reshape(len(rows), -1)
+        self.surface[rows, :, 2] = modulus.reshape(len(rows), -1)
 
     def _settled(
         self,
@@ -270,13 +262,13 @@ class WheelRuts(Ruts):
         ahead, or is fresh.
         """
         room = np.maximum(reached - lowest, 0.0)
-        bound = stiffness * np.maximum(reached, 0.0) / (self._width * soil.modulus[:, None])
+        bound = stiffness * np.maximum(reached, 0.0) / (self._width * soil.modulus)
         root = np.sqrt(2 * self._wheel_radius)
         in_rut = bound / np.maximum(root * lowest**exponent, _TINY)
         fresh = (bound / root * (exponent + 1)) ** (1 / (2 * exponent + 1))
         highest = np.sqrt(room)
         u = np.minimum(highest, np.minimum(in_rut, fresh))
-        per_line = self._cell * soil.modulus[:, None]
+        per_line = self._cell * soil.modulus
         for _ in range(_ROUNDS):
             depth = lowest + u * u
             chord, pressure = self._arc(depth, ahead, exponent)
@@ -307,8 +299,8 @@ class WheelRuts(Ruts):
         square of it are 4/3 d c and 16/15 d^2 c.
         """
         chord = self._chord(depth)
-        by_square = soil.by_square[:, None] * depth * (16 / 15)
-        by_depth = soil.by_depth[:, None] * (4 / 3)
+        by_square = soil.by_square * depth * (16 / 15)
+        by_depth = soil.by_depth * (4 / 3)
         return chord * depth * (by_square + by_depth)
 
     def _chord(self, height: Array) -> Array:
@@ -324,8 +316,7 @@ class WheelRuts(Ruts):
 
     def _exponents(self, rows: _Ints, soil: Soils) -> Array:
         """Exponents (R, T) of sinkage under the wheels [-]."""
-        by_side = soil.exponent[:, None] + soil.growth[:, None] * np.abs(self._slip[rows])
-        return by_side.repeat(self._axles, axis=1)
+        return super()._exponents(rows, soil).repeat(self._axles, axis=1)
 
 
 @functools.lru_cache(maxsize=64)
