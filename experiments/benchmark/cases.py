@@ -145,11 +145,9 @@ def planned_cases(config: Config, plan: PathPlan = PLAN) -> list[BenchmarkCase]:
     return list(dict.fromkeys(cases))
 
 
-def plant_ranges(robot: RobotParameters, is_soft: bool = False) -> Randomization:
+def plant_ranges(robot: RobotParameters) -> Randomization:
     """Ranges around a robot's parameters, from which a plant's properties are drawn uniformly and
     independently.
-
-    Friction is drawn on firm ground only: soft soil has its own, and no patches.
 
     Raises InvalidValueError for a robot so close to its limits that a drawn plant might not stand
     or be simulated.
@@ -168,6 +166,4 @@ def plant_ranges(robot: RobotParameters, is_soft: bool = False) -> Randomization
         patch_friction=(0.5, 1.0),
     )
     ranges.require_standing(robot)
-    if is_soft:
-        return replace(ranges, friction_ratio=(1.0, 1.0), patches=(0, 0))
     return ranges

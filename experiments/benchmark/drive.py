@@ -76,8 +76,7 @@ class ClosedLoops:
         robot = replace(world.parameters, radius_error=world.radius_error, drive=world.drive)
         poses = path.pose(np.arange(0.0, path.duration, _SPACING))
         ground = self.ground(case.ground)
-        ranges = plant_ranges(robot, is_soft=ground.soil is not None)
-        setup = ranges.setup(rng, robot, ground, poses)
+        setup = plant_ranges(robot).setup(rng, robot, ground, poses)
         return Plant(setup, world.config.scanner.noise * float(rng.uniform(*_NOISE)))
 
     def ground(self, name: str) -> Ground:

@@ -7,6 +7,7 @@ from typing import Any, Final
 from experiments.benchmark.cases import plant_ranges
 from experiments.common.lookup import find_own_modules
 from experiments.train.config import TRAVERSE, Config
+from sim.ground.ground import load_ground
 from sim.motors.motor import Drive, or_tireless
 from sim.path_tracking.config import TrackingReward
 from sim.policy import Network, Policy, TrackingPolicy
@@ -89,8 +90,11 @@ def _path_tracking(config: Config) -> LearningTask:
     from sim.sb3 import Corrections, PathTrackingVecEnv  # late, as PyTorch takes seconds
 
     robot = config.robot or SHIPPED
-    parameters, _ = load_parameters(robot)
+    parameters, own_ground = load_parameters(robot)
     plants = plant_ranges(parameters)
+    grounds = [own_ground if name == "robot" else load_ground(name) for name in config.grounds]
+    if all(ground.soil is not None for ground in grounds):
+        plants = plants.on_soft_soil()
     robots = PathTrackingVecEnv(
         config.robots,
         config.threads,

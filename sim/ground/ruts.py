@@ -286,8 +286,8 @@ class Ruts(Restorable):
         soil: Soils,
         exponent: Array,
     ) -> Array:
-        """Do as `press` does, with the depths (R, P + 4) of pads and ends [m], the indices (R, L, P)
-        of the cells under the pads, and the exponents (R, 2) of sinkage.
+        """Do as `press` does, with the depths (R, P + 4) of pads and ends [m], the indices (R, L,
+        P) of the cells under the pads, and the exponents (R, 2) of sinkage.
         """
         pressed_at_all = self._soil_depth(rows, at_all, soil, exponent)
         depth = at_all[:, : self._pads]

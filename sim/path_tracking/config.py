@@ -214,13 +214,15 @@ class EnvConfig(OwnTerms):
         """Raise InvalidValueError for a randomization that makes robots tip over or begin off the
         path.
         """
-        drawn = self.drawn
-        if drawn.friction_ratio != (1.0, 1.0) or drawn.patches[1] > 0 or drawn.shear is not None:
-            for ground in self.grounds:
-                self.load_ground(ground).require_firm("friction, patches and shear are drawn")
-        named = self.randomization in (None, "typical")
-        known = named or isinstance(self.randomization, Randomization)
-        require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
+        drawn = self.randomization
+        if isinstance(drawn, Randomization):
+            are_soft = all(self.load_ground(name).soil is not None for name in self.grounds)
+            has_effect = not are_soft or drawn == drawn.on_soft_soil()
+            allowed = "without friction_ratio, patches and shear, which soft soil has not"
+            require(has_effect, "randomization", drawn, allowed)
+        else:
+            is_named = drawn in (None, "typical")
+            require(is_named, "randomization", drawn, 'a Randomization, "typical" or None')
         self.drawn.require_standing(self.parameters)
         distance = self.drawn.start_distance
         allowed = f"less than off_path = {self.off_path} m"

@@ -35,7 +35,11 @@ def _require_drawn(field: str, ends: Range | None, low: float, high: float) -> N
 @checks_arguments
 @dataclass(frozen=True)
 class Randomization(Checked):
-    """Ranges (from, to) from which each episode draws. By default, all episodes are equal."""
+    """Ranges (from, to) from which each episode draws. By default, all episodes are equal.
+
+    Soft soil has a friction and a shear modulus of its own, and is the same everywhere: on it,
+    `friction_ratio`, `patches` and `shear` aren't drawn.
+    """
 
     friction_ratio: Range = checked((1.0, 1.0), require_range, 0.1, 10.0)
     """Factor on the friction across the tracks, and thus on the ratio of across to along [-]."""
@@ -97,6 +101,10 @@ class Randomization(Checked):
             start_heading=(-0.3, 0.3),
         )
 
+    def on_soft_soil(self) -> Randomization:
+        """The ranges that apply on soft soil."""
+        return dataclasses.replace(self, friction_ratio=(1.0, 1.0), patches=(0, 0), shear=None)
+
     def setup(
         self, generator: np.random.Generator, robot: RobotParameters, ground: Ground, path: Array
     ) -> RunSetup:
@@ -105,6 +113,9 @@ class Randomization(Checked):
 
         The order of the draws is that in which the seeds of stored episodes were used.
         """
+        if ground.soil is not None and self != self.on_soft_soil():
+            return self.on_soft_soil().setup(generator, robot, ground, path)
+
         drawn_ground = self._ground(generator, ground, path)
         radius_error = uniform(generator, self.radius_error, robot.radius_error)
         com_x = uniform(generator, self.com_x, 0.0)

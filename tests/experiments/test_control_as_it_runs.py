@@ -87,14 +87,15 @@ def test_measured_times_are_apart_from_results(trackslip, short):
 
 @pytest.mark.usefixtures("mine")
 def test_track_times_its_run_and_applies_the_time(trackslip):
-    slow = trackslip("track", *CIRCLE, "--controller", "tardy:InSense")
+    circle = (*CIRCLE, "--circle-duration", "3")
+    slow = trackslip("track", *circle, "--controller", "tardy:InSense")
     assert 0.06 <= slow.summary["timing"]["step_s"] < 0.1
     assert "Warning: tardy:InSense takes" in slow.printed
     assert "ms at worst) a step, but commands are due every 50 ms" in slow.printed
     measured = trackslip(
-        "track", *CIRCLE, "--controller", "tardy:InSense", "--command-delay", "measured"
+        "track", *circle, "--controller", "tardy:InSense", "--command-delay", "measured"
     )
-    given = trackslip("track", *CIRCLE, "--command-delay", "0.06")
+    given = trackslip("track", *circle, "--command-delay", "0.06")
     unhurried, late, as_late = (
         result.summary["tracking"][0]["max_position"] for result in (slow, measured, given)
     )

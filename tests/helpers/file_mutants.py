@@ -65,27 +65,15 @@ class Kind:
     binary: bool = False
 
 
-def kinds(folder: Path) -> dict[str, Kind]:
-    """All kinds of files, with their examples in a folder."""
-    grid = folder / "grid"
-    _run("grid", "--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--out", grid)
-    found = folder / "found"
-    _run("identify", grid, "--out", found)
-    track = folder / "track"
-    _run("track", *SHORT, "--bag", "--out", track)
-    dataset = folder / "dataset.toml"
-    dataset.write_text(DATASET)
-    bag = next(track.rglob("*.mcap"))
-    return {
-        **_logs(folder),
-        **_results(grid, found),
-        **_settings(folder),
-        **_shipped(),
-        "dataset": Kind(dataset, (("evaluate", "FILE"),)),
-        "mcap": Kind(bag, (LOG,), binary=True),
-        **_bags(folder),
-        **_trained(folder),
-    }
+def kinds(folder: Path, names: list[str]) -> dict[str, Kind]:
+    """Those of the kinds `names` for which packages are installed, and some more; their examples
+    are in a folder.
+    """
+    found = {}
+    for made, make in MAKERS.items():
+        if set(made) & set(names):
+            found |= make(folder)
+    return found
 
 
 def _logs(folder: Path) -> dict[str, Kind]:
@@ -104,8 +92,12 @@ def _logs(folder: Path) -> dict[str, Kind]:
     return {"csv": Kind(csv, (LOG, identify)), "parquet": Kind(parquet, (LOG,), binary=True)}
 
 
-def _results(grid: Path, found: Path) -> dict[str, Kind]:
+def _results(folder: Path) -> dict[str, Kind]:
     """What a grid and an identification store."""
+    grid = folder / "grid"
+    _run("grid", "--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--out", grid)
+    found = folder / "found"
+    _run("identify", grid, "--out", found)
     identify = ("identify", "FILE")
     with_its_laws = (*TRACK, *SHORT, "--laws", "FILE")
     deploy = ("deploy", "FILE", "--out", "dd.yaml")
@@ -133,7 +125,7 @@ def _settings(folder: Path) -> dict[str, Kind]:
     }
 
 
-def _shipped() -> dict[str, Kind]:
+def _shipped(_: Path) -> dict[str, Kind]:
     """Courses, robots and a sweep."""
     course, *_ = sorted((MODELS / "courses").glob("*.toml"))
     drive = ("drive", "--course", "FILE", "--duration", "1")
@@ -147,6 +139,20 @@ def _shipped() -> dict[str, Kind]:
         "mjcf": Kind(MODELS / "box_robot.xml", (check_model,)),
         "sweep": Kind(ROOT / "examples" / "sensitivity.toml", (sweep,)),
     }
+
+
+def _evaluated(folder: Path) -> dict[str, Kind]:
+    """A data set."""
+    dataset = folder / "dataset.toml"
+    dataset.write_text(DATASET)
+    return {"dataset": Kind(dataset, (("evaluate", "FILE"),))}
+
+
+def _recorded(folder: Path) -> dict[str, Kind]:
+    """A bag that `track` writes."""
+    track = folder / "track"
+    _run("track", *SHORT, "--bag", "--out", track)
+    return {"mcap": Kind(next(track.rglob("*.mcap")), (LOG,), binary=True)}
 
 
 def _trained(folder: Path) -> dict[str, Kind]:
@@ -186,6 +192,19 @@ def _bags(folder: Path) -> dict[str, Kind]:
             "metadata": Kind(two / "metadata.yaml", (("log", "FOLDER"),)),
         }
     return {}
+
+
+MAKERS = {
+    ("csv", "parquet"): _logs,
+    ("runs", "summary", "manifest"): _results,
+    ("path", "ground", "posts"): _settings,
+    ("course", "robot", "tracked", "mjcf", "sweep"): _shipped,
+    ("dataset",): _evaluated,
+    ("mcap",): _recorded,
+    ("ros1", "db3", "metadata"): _bags,
+    ("policy", "checkpoint"): _trained,
+}
+NAMES = [name for names in MAKERS for name in names]
 
 
 def _run(*arguments: object) -> None:
@@ -277,11 +296,12 @@ def failures(count: int, seed: int, names: list[str], keep: Path | None = None) 
     found = {}
     with tempfile.TemporaryDirectory() as place:
         (Path(place) / "examples").mkdir()
-        all_kinds = kinds(Path(place) / "examples")
-        chosen = names or list(all_kinds)
+        wanted = (names or NAMES)[:count]
+        by_name = kinds(Path(place) / "examples", wanted)
+        chosen = [name for name in wanted if name in by_name]
         for number in range(count):
             name = chosen[number % len(chosen)]
-            kind = all_kinds[name]
+            kind = by_name[name]
             rng = random.Random(f"{seed} {number} {name}")
             content = mutant(kind.example.read_bytes(), rng, kind.binary)
             command = rng.choice(kind.commands)

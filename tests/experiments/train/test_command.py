@@ -11,6 +11,7 @@ from experiments.train.config import Config
 from experiments.train.tasks import learning_task
 from experiments.train.training import CHECKPOINT, UNFINISHED
 from sim.common.array_file import read_arrays
+from sim.ground.ground import NAMED_GROUNDS
 from sim.path_tracking.config import EnvConfig
 from sim.policy import TWIST_NOW, Policy, TrackingPolicy
 from sim.traverse.policy import OPTIONS
@@ -90,8 +91,8 @@ KINDS = {
     "fixed law": (*sized(TINY), "--steps", "640"),
     "online": (*sized(TINY), "--steps", "640", "--compensation", "online"),
     "courses": (
-        *("--env", "traverse", "--robots", "2", "--horizon", "12", "--batch", "24"),
-        *("--epochs", "1", "--network", "8", "--steps", "120", "--trials", "1"),
+        *("--env", "traverse", "--robots", "2", "--horizon", "6", "--batch", "12"),
+        *("--epochs", "1", "--network", "8", "--steps", "48", "--trials", "1"),
         *("--difficulty", "0", "0.4"),
     ),
 }
@@ -154,6 +155,15 @@ def test_corrections_are_shares_of_the_actions_units():
     driven = NoSlip().twist(fleet.drive.set_point, fleet.robot.geometry)[0]
     expected = np.array(EnvConfig().twist_scale) * (reference + authority * [1.0, -1.0])
     np.testing.assert_allclose(driven, expected, atol=1e-6)
+
+
+def test_plants_on_soft_soil_vary_in_more_than_friction():
+    task = learning_task(Config(robots=4, horizon=8, batch=32, grounds=("dry_sand",)))
+    task.robots.reset()
+    grounds = {ground.soil for ground in task.env.task.fleet.ground}
+    assert grounds == {NAMED_GROUNDS["dry_sand"].soil}
+    radius = task.env.task.fleet.drive.radius
+    assert len(np.unique(radius)) > 1
 
 
 def test_own_rewards_are_named_on_the_command_line_only(trackslip, tmp_path, monkeypatch):

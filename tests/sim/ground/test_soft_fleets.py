@@ -11,6 +11,8 @@ from sim.env import PathTrackingVectorEnv
 from sim.fleet.fleet import RunSetup
 from sim.ground.ground import NAMED_GROUNDS
 from sim.motors.motor import Drive, Motor, tireless
+from sim.path_tracking.config import EnvConfig
+from sim.path_tracking.randomization import Randomization
 from sim.robot.named import load_parameters
 from sim.robot.robot import Robot
 from trackslip.errors import InvalidValueError
@@ -150,5 +152,20 @@ def test_environments_refuse_soft_soil_that_they_do_not_know_of():
     firm = PathTrackingVectorEnv(1, reference="circle", ground="clay")
     with pytest.raises(InvalidValueError, match="made without soft soil"):
         firm.reset(seed=0, options={"ground": "dry_sand"})
-    with pytest.raises(InvalidValueError, match="friction, patches and shear are drawn"):
-        PathTrackingVectorEnv(1, ground="dry_sand", randomization="typical")
+    patchy = Randomization(patches=(1, 2))
+    with pytest.raises(InvalidValueError, match="without friction_ratio, patches and shear"):
+        PathTrackingVectorEnv(1, ground="dry_sand", randomization=patchy)
+
+
+def test_friction_is_drawn_on_firm_ground_only():
+    grounds = ("dry_sand", "stone")
+    drawn = Randomization(friction_ratio=(1.5, 2.0), com_x=(-0.02, 0.02))
+    config = EnvConfig(ground=grounds, randomization=drawn)
+    ratios = {}
+    for name in grounds:
+        base = config.load_ground(name)
+        setup = drawn.setup(np.random.default_rng(0), config.parameters, base, np.zeros((9, 3)))
+        ratios[name] = setup.ground.across / base.across
+        assert setup.com_offset[0] != 0
+    assert ratios["dry_sand"] == 1
+    assert 1.5 < ratios["stone"] < 2
