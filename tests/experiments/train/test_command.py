@@ -93,7 +93,7 @@ KINDS = {
     "courses": (
         *("--env", "traverse", "--robots", "2", "--horizon", "6", "--batch", "12"),
         *("--epochs", "1", "--network", "8", "--steps", "48", "--trials", "1"),
-        *("--difficulty", "0", "0.4"),
+        *("--difficulty", "0.2", "0.2"),
     ),
 }
 

@@ -1,5 +1,6 @@
 """Trainings that are killed and resumed."""
 
+import functools
 import os
 import random
 import signal
@@ -17,10 +18,12 @@ from sim.common.array_file import read_arrays
 pytest.importorskip("stable_baselines3")
 OPTIONS = (
     *("--robots", "4", "--horizon", "32", "--batch", "64", "--epochs", "1", "--network", "8"),
-    *("--references", "slalom", "--threads", "1", "--steps", "2560"),
+    *("--references", "slalom", "--threads", "1"),
 )
 UPDATE = 4 * 32
 """Steps of all robots between two updates."""
+SHORT = str(5 * UPDATE)
+LONG = str(20 * UPDATE)
 
 # `os.kill` before the nth call of a function that changes files, or after the nth checkpoint is
 # half written
@@ -57,14 +60,21 @@ main()
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
-    return ran(tmp_path_factory.mktemp("undisturbed") / "out", "train", *OPTIONS)
+    """A function that returns the undisturbed training of so many steps."""
+
+    @functools.cache
+    def of(steps):
+        out = tmp_path_factory.mktemp("undisturbed") / "out"
+        return ran(out, "train", *OPTIONS, "--steps", steps)
+
+    return of
 
 
-def train(out, code, *arguments):
+def train(out, steps, code, *arguments):
     """Start a training in another process, or resume it if it has a checkpoint."""
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     resume = ("--resume",) if (out / UNFINISHED).is_file() else ()
-    options = ("train", *OPTIONS, *resume, "--out", str(out))
+    options = ("train", *OPTIONS, "--steps", steps, *resume, "--out", str(out))
     command = (sys.executable, "-c", code, *arguments, *options)
     return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
 
@@ -96,12 +106,13 @@ def test_a_kill_while_storing_leaves_the_checkpoint_before(
     tmp_path, undisturbed, function, call, updates
 ):
     out = tmp_path / "out"
-    with train(out, KILLER, function, str(call)) as killed:
+    with train(out, SHORT, KILLER, function, str(call)) as killed:
         killed.communicate()
     assert killed.returncode == -signal.SIGKILL
     assert steps_of(out) == updates * UPDATE
     resume = ("--resume",) if updates else ()
-    assert_same_policy(ran(out, "train", *OPTIONS, *resume), undisturbed)
+    resumed = ran(out, "train", *OPTIONS, "--steps", SHORT, *resume)
+    assert_same_policy(resumed, undisturbed(SHORT))
     assert not list(out.glob(".*"))
 
 
@@ -113,7 +124,7 @@ def test_a_training_that_is_stopped_at_any_moment_resumes(tmp_path, undisturbed,
     moments = random.Random(int(stop))
     for _ in range(3):
         before = steps_of(out)
-        with train(out, COMMAND) as process:
+        with train(out, LONG, COMMAND) as process:
             while process.poll() is None and steps_of(out) == before:
                 time.sleep(0.01)
             time.sleep(moments.uniform(0.0, 0.15))
@@ -121,4 +132,5 @@ def test_a_training_that_is_stopped_at_any_moment_resumes(tmp_path, undisturbed,
             process.communicate()
         assert process.returncode == (-stop if stop is signal.SIGKILL else 130)
         assert steps_of(out) > before
-    assert_same_policy(ran(out, "train", *OPTIONS, "--resume"), undisturbed)
+    resumed = ran(out, "train", *OPTIONS, "--steps", LONG, "--resume")
+    assert_same_policy(resumed, undisturbed(LONG))
