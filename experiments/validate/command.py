@@ -32,8 +32,6 @@ from sim.common.seeds import generator
 from sim.ground.ground import load_ground
 from sim.motors.motor import or_tireless
 from sim.robot.named import load_parameters
-from sim.robot.parameters import TRACKS
-from trackslip.errors import require
 from trackslip.skid_theory import Soil
 
 _UNITS: Final = {
@@ -72,9 +70,6 @@ def run(config: Config) -> None:
         ground = load_ground(config.ground.source)
     ground = config.ground.changed(ground)
     ground.require_even("the checks are for even ground, and tilt it themselves")
-    if ground.soil is not None:
-        allowed = f'"{TRACKS}" on soft soil: the checks of sinking are for tracks'
-        require(parameters.contact == TRACKS, "robot.contact", parameters.contact, allowed)
     setup = Setup(parameters, ground, config.threads)
     checks = Checks(Path(config.robot).stem, setup)
     with Run(config) as run:
@@ -155,10 +150,11 @@ def _compare_on_soft_soil(run: Run, checks: Checks, soil: Soil) -> _Comparison:
     with run.busy("soft soil"):
         check_soil(checks)
     width = checks.setup.parameters.track_width
+    part = "wheel" if checks.setup.parameters.axles else "track"
     facts = [
         ("soft soil", soil.source or "as given"),
         *assumptions(soil),
-        ("track", f"{number(1e3 * width, 0, 'mm')} wide"),
+        (part, f"{number(1e3 * width, 0, 'mm')} wide"),
     ]
     return _Comparison(facts)
 

@@ -6,6 +6,22 @@ import numpy as np
 
 from sim import Fleet
 from sim.motors.motor import tireless
+from sim.robot.parameters import SINK
+from trackslip.skid_theory import Tracks
+
+GRAVITY = 9.81
+
+
+def tracks_of(robot):
+    """The tracks of a robot's parameters, for the theory, with the springs of its contacts."""
+    return Tracks(
+        robot.contact_length,
+        robot.track_width,
+        robot.mass * GRAVITY,
+        robot.com_x,
+        robot.com_height,
+        SINK,
+    )
 
 
 def without_slip_sinkage(ground):

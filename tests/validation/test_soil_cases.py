@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from soft_soil import tracks_of
 from trials import report
 
 from experiments.common.check import Check
 from sim import Fleet, Ground, Pull, RobotParameters, load_robot
 from sim.ground.ground import NAMED_GROUNDS
 from sim.motors.motor import tireless
-from sim.robot.parameters import SINK
 from sim.runs.run_recorder import Sinking
 from trackslip.errors import InvalidValueError
-from trackslip.skid_theory import Soil, Tracks, drawbar_curve
+from trackslip.skid_theory import Soil, drawbar_curve
 
 pytestmark = pytest.mark.slow
 GRAVITY = 9.81
@@ -98,17 +98,6 @@ class Case:
             f"slope {math.degrees(self.ground.slope):.0f}°, belts {self.belts.round(2).tolist()}, "
             f"{self.outcome}: {soil}"
         )
-
-
-def tracks_of(robot):
-    return Tracks(
-        robot.contact_length,
-        robot.track_width,
-        robot.mass * GRAVITY,
-        robot.com_x,
-        robot.com_height,
-        SINK,
-    )
 
 
 def draw_fleet(generator):

@@ -1,14 +1,12 @@
 """Wheeled robots in soft soil against theory: ruts and resistances of both axles, thrust under
-pulls and on slopes, turns, passes over a rut, robots that dig themselves in, energy,
-and the physics step.
+pulls and on slopes, turns, passes over a rut, and robots that dig themselves in.
 
-Bits, restarts and states are in tests/sim/ground/test_wheel_ruts.py.
+Energy and the physics step are in test_soil.py.
 """
 
 import math
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 from trials import report
@@ -19,7 +17,6 @@ from sim.ground.ground import NAMED_GROUNDS
 from sim.motors.motor import tireless
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK
-from sim.runs.run_recorder import read_contacts
 from trackslip.skid_theory import (
     Load,
     Wheels,
@@ -278,86 +275,3 @@ def test_parking():
         creep = float(np.hypot(moved[:, 0], moved[:, 1]).max()) / 5.0
         checks.append(Check(name, "creep on 10°", creep, 0.06e-3, "m/s"))
     report("Parking wheels in soil", checks)
-
-
-def test_physics_step():
-    """The engine's usual step against one of 1 ms, after 30 s of random commands.
-
-    Ruts are made of cells of 29 mm, so that the end depends on where the cells lie: with the start
-    shifted by 3 mm, it shifts by up to 14 mm more.
-    """
-    ends = []
-    grounds = [Ground(soil=soil) for soil in SOILS.values()]
-    for step in (0.005, 0.001):
-        robot = load_robot(HUSKY).with_single_contacts()
-        robot.model.opt.timestep = step
-        fleet = Fleet(robot, np.zeros((len(grounds), 3)), grounds, 0.0, tireless())
-        generator = np.random.default_rng(3)
-        for _ in range(30):
-            drive(fleet, generator.uniform(-3.0, 3.0, (len(grounds), 2)), 1.0)
-        ends.append(fleet.pose()[:, :2])
-    distance = np.hypot(*(ends[0] - ends[1]).T)
-    checks = [
-        Check(name, "5 ms against 1 ms", float(error), 0.020, "m")
-        for name, error in zip(SOILS, distance, strict=True)
-    ]
-    report("Physics step under wheels", checks)
-
-
-def test_energy():
-    """The work of the belts goes to contacts, compaction and stored energy.
-
-    The contacts take what their forces do on sliding and sinking, from contact sensors; compaction
-    takes the resistance times the motion of the axles; the stored energy is the engine's.
-    """
-    checks = []
-    for name in ("dry_sand", "upland_loam", "regolith"):
-        robot = load_robot(HUSKY, contact_sensors=True)
-        robot.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-        robot = robot.with_single_contacts()
-        step = robot.model.opt.timestep
-        motors = replace(tireless(), period=step)
-        fleet = Fleet(robot, np.zeros((2, 3)), Ground(soil=SOILS[name]), 0.0, motors)
-        energy = fleet.batch.bind("energy")
-        generator = np.random.default_rng(5)
-        contacts = []
-        stored = []
-        compaction = [0.0]
-        for k in range(round(8.0 / step) + 1):
-            if k % round(1.0 / step) == 0:
-                fleet.command(generator.uniform(-3.0, 3.0, (2, 2)))
-            resistance = fleet.ruts.resistance.copy()
-            before = axles(fleet)
-            fleet.advance(step)
-            moved = axles(fleet) - before
-            heading = fleet.pose()[:, 2]
-            ahead = np.cos(heading) * moved[:, 0] + np.sin(heading) * moved[:, 1]
-            by_side = ahead[:, None] + moved[:, 2:] * HUSKY.half_gauge * [-1.0, 1.0]
-            compaction.append(-float((resistance * by_side).sum()))
-            contacts.append(read_contacts(fleet))
-            stored.append(float(energy.sum()))
-        force = np.array([contact.force for contact in contacts[:-1]])
-        load = np.array([contact.load for contact in contacts[:-1]])
-        belts = np.array([contact.belt for contact in contacts[:-1]])
-        sliding = np.array([contact.velocity for contact in contacts])
-        rising = np.array([contact.rising for contact in contacts])
-        sliding = (sliding[1:] + sliding[:-1]) / 2
-        rising = (rising[1:] + rising[:-1]) / 2
-        sliding[..., 0] += belts
-        taken = -step * ((force * sliding).sum() + (load * rising).sum())
-        work = -step * (force[..., 0] * belts).sum()
-        pressed = sum(compaction[2:])
-        balance = taken + pressed + stored[-1] - stored[0]
-        error = balance / work - 1
-        checks.append(Check(name, "energy, over the work of the belts", error, 0.01))
-        checks.append(Check(name, "share of compaction", pressed / work, (1e-3, 1.0)))
-    report("Energy of wheels in soil", checks)
-
-
-def axles(fleet):
-    """Positions of the middle between the axles, and headings, (N, 3) [m, m, rad]."""
-    pose = fleet.pose()
-    lean = -HUSKY.sprocket_radius * fleet.attitude()[:, 2]  # the axles are behind if it noses up
-    pose[:, 0] += np.cos(pose[:, 2]) * -lean
-    pose[:, 1] += np.sin(pose[:, 2]) * -lean
-    return pose
