@@ -117,6 +117,18 @@ def test_plain_driving_tells_what_it_can(speeds, yaw_rates, tells, kind):
     require_gain(found.gains.speed, 0.97 if tells_speed else None)
 
 
+@pytest.mark.parametrize(
+    ("speeds", "yaw_rates", "note"),
+    [
+        ([0.5, -0.3], [0.0, 0.0], "no gain of turns: the robot hardly turns"),
+        ([0.0, 0.0], [0.6, -0.6], "no gain of distances: the robot hardly drives"),
+    ],
+)
+def test_a_gain_that_is_missing_has_a_reason(speeds, yaw_rates, note):
+    drive = drive_of(commands=(np.tile(speeds, 20), np.tile(yaw_rates, 20)))
+    assert note in look_at(drive, *measured(drive)).notes
+
+
 def test_a_sensor_anywhere_and_turned_changes_no_gain():
     heading = POSE[:, 2]
     arm = np.exp(1j * heading) * (0.4 - 0.2j)
