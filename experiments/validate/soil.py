@@ -120,15 +120,22 @@ def _check_straight(checks: Checks, soil: Soil, gear: Tracks | Wheels, slope: fl
     resistance = driven.resistance[0]
     checks.add("resistance on the level", [force, resistance], 0.015 * force, "N", _BEKKER)
 
-    # a step of Newton's method from the measured slip to the one at which nothing is left to pull
-    slips = driven.slip[1] + _STEP * np.array([-1.0, 0.0, 1.0])
-    around = drawbar_curve(soil, gear, slips, slope)
     what = f"slip uphill on {math.degrees(slope):.2g}°"
-    if not _is_too_steep(checks, what, around.pitch[1]):
-        gain = (around.pull[2] - around.pull[0]) / (2 * _STEP)
-        expected = driven.slip[1] - around.pull[1] / gain
+    uphill = drawbar_curve(soil, gear, driven.slip[1:], slope)
+    if not _is_too_steep(checks, what, uphill.pitch[0]):
+        measured = float(driven.slip[1])
+        expected = slip_uphill(soil, gear, slope, measured)
         allowed = 0.002 if isinstance(gear, Wheels) else 0.001
-        checks.add(what, [expected, driven.slip[1]], allowed, "1", _TRIM)
+        checks.add(what, [expected, measured], allowed, "1", _TRIM)
+
+
+def slip_uphill(soil: Soil, gear: Tracks | Wheels, slope: float, near: float) -> float:
+    """Slip on a slope [rad] at which nothing is left to pull, by a step of Newton's method from a
+    slip `near` it.
+    """
+    around = drawbar_curve(soil, gear, near + _STEP * np.array([-1.0, 0.0, 1.0]), slope)
+    gain = (around.pull[2] - around.pull[0]) / (2 * _STEP)
+    return float(near - around.pull[1] / gain)
 
 
 def _check_pull(checks: Checks, soil: Soil, gear: Tracks | Wheels, force: float) -> None:

@@ -175,8 +175,8 @@ class EnvConfig(OwnTerms):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require_choice("action", self.action, _ACTIONS)
-        _require_choice("pose_source", self.pose_source, _POSE_SOURCES)
+        require_one_of("action", self.action, _ACTIONS)
+        require_one_of("pose_source", self.pose_source, _POSE_SOURCES)
         if self.tolerance is not None:
             require_within("tolerance", self.tolerance, 0.0, MAX_TOLERANCE, "m")
         self._require_compensation()
@@ -298,10 +298,6 @@ class EnvConfig(OwnTerms):
         if isinstance(self.randomization, Randomization):
             return self.randomization
         return Randomization() if self.randomization is None else Randomization.typical()
-
-
-def _require_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    require_one_of(name, value, choices)
 
 
 def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:

@@ -249,8 +249,8 @@ class TraverseConfig(OwnTerms):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require_choice("action", self.action, _ACTIONS)
-        _require_choice("flippers", self.flippers, _FLIPPERS)
+        require_one_of("action", self.action, _ACTIONS)
+        require_one_of("flippers", self.flippers, _FLIPPERS)
         valid = self.courses and all(isinstance(course, str | Course) for course in self.courses)
         require(valid, "course", self.course, "a course, a name, or a tuple of those")
         for course in self.courses:
@@ -269,7 +269,3 @@ class TraverseConfig(OwnTerms):
     def courses(self) -> tuple[str | Course, ...]:
         """Courses from which episodes draw."""
         return (self.course,) if isinstance(self.course, str | Course) else tuple(self.course)
-
-
-def _require_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    require_one_of(name, value, choices)

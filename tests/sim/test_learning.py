@@ -77,6 +77,21 @@ def test_it_is_the_vector_environment():
     np.testing.assert_allclose(radius, [0.066, 0.072, 0.06, 0.06])
 
 
+def test_only_the_first_reset_continues_from_a_state():
+    """Later ones begin new episodes."""
+    env = PathTrackingVecEnv(2, threads=1)
+    env.seed(3)
+    at_start = env.reset()
+    for _ in range(5):
+        on_the_way, *_ = env.step(np.ones((2, 2)))
+    assert not np.array_equal(on_the_way, at_start)
+    again = PathTrackingVecEnv(2, threads=1)
+    again.continue_from(env.env.get_state())
+    np.testing.assert_array_equal(again.reset(), on_the_way)
+    again.seed(3)
+    np.testing.assert_array_equal(again.reset(), at_start)
+
+
 def learnt(algorithm, kind, updates):
     """Returns (E,) of the episodes of a training, in order; its parameters move, and no episode is
     lost.

@@ -92,6 +92,8 @@ REFUSED = [
         {"courses": LEVEL, "period": 0.03},
         "period = 0.03: must be a multiple of sample, 0.02 s",
     ),
+    (PathTrackingEnv, {"action": "spin"}, "action = 'spin': must be one of sprockets, twist"),
+    (PathTrackingEnv, {"pose_source": "gps"}, "pose_source = 'gps': must be one of truth, noisy,"),
     (PathTrackingEnv, {"scanner": LaserScanner(rate=10.0)}, "scanner.rate = 10.0: must be 20 Hz"),
     (PathTrackingEnv, {"pull": Pull(160.0, 0.6)}, "tips over"),
     (
@@ -109,6 +111,8 @@ REFUSED = [
         {"randomization": Randomization(start_distance=(0.0, 0.6))},
         "start_distance = (0.0, 0.6)",
     ),
+    (TRAVERSE, {"action": "spin"}, "action = 'spin': must be one of "),
+    (TRAVERSE, {"flippers": "one"}, "flippers = 'one': must be one of "),
     (
         TRAVERSE,
         {"start_offset": 2.0},

@@ -14,7 +14,7 @@ from trackslip.laws.icr import ConstantIcr
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss
 from trackslip.localization.scan import Plate
 from trackslip.odometry.slip_odometry import SlipOdometry
-from trackslip.odometry.uncertainty import LawErrors, SlipNoise
+from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 from trackslip.planning.information import PoseQuality
 from trackslip.planning.limits import DriveLimits
 from trackslip.planning.plan import plan_drive
@@ -63,6 +63,10 @@ REFUSED = [
         "time = 0.0: must be finite, and ascending from row to row",
     ),
     (lambda: ODOMETRY.update([1.0, 1.0], 0.1, np.inf), "gyro = inf: must be finite, or NaN"),
+    (lambda: SlipNoise(sideways=-0.1), "sideways = -0.1: must be a finite number >= 0"),
+    (lambda: Gyro(noise=-0.1), "noise = -0.1: must be a finite number >= 0"),
+    (lambda: Gyro(bias_error=NAN), "bias_error = nan: must be a finite number >= 0"),
+    (lambda: Gyro(clock=np.inf), "clock = inf: must be a finite number"),
     (lambda: SlipNoise.of({"slip_turn": 0.1}), "noise = ['slip_turn']: must be a mapping with"),
     (
         lambda: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])),

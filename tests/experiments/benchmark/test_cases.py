@@ -7,7 +7,7 @@ from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.page import answer
 from experiments.benchmark.rows import board, over_seeds
 from sim.ground.ground import load_ground
-from sim.runs.stopwatch import Stopwatch
+from sim.runs.stopwatch import StepTimes, Stopwatch
 
 
 @pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("fair", 1344), ("full", 3024)])
@@ -100,6 +100,15 @@ def test_who_keeps_the_path_stands_above_who_is_near_it():
     entries = board(runs)
     assert [entry["controller"] for entry in entries] == ["better", "kept", "near", "failed"]
     assert "2 of 4 entries lose the path in some runs" in answer(entries, "next", {}, 0.05).warnings
+
+
+def test_controllers_slower_than_their_period_are_warned_of():
+    entries = board([run("fast", 0.1), run("slow", 0.2)])
+    steps = {"fast": StepTimes.of(100 * [0.001]), "slow": StepTimes.of(100 * [0.06])}
+    warnings = answer(entries, "next", steps, 0.05).warnings
+    assert steps["slow"].warning("slow", 0.05) in warnings
+    assert sum("slow" in line for line in warnings) == 1
+    assert not any("fast" in line for line in warnings)
 
 
 def test_entries_are_compared_pair_by_pair():

@@ -1,5 +1,7 @@
 """Standard output and standard error that are closed, full, or unable to write a character."""
 
+import errno
+import io
 import os
 import subprocess
 import sys
@@ -8,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from experiments.cli import commands
+from experiments.common.stored import RecordedOutput
 
 ROOT = Path(__file__).parents[3]
 FULL = Path("/dev/full")
@@ -53,6 +56,20 @@ def test_a_full_output_is_one_line(arguments, tmp_path):
     done = run(tmp_path, *arguments, redirect=">/dev/full")
     line = b"trackslip: output: can't be written (No space left on device)\n"
     assert (done.returncode, done.stderr) == (2, line)
+
+
+class FullWhenFlushed(io.StringIO):
+    """A stream that keeps what is written, and can't pass it on."""
+
+    def flush(self):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_what_was_kept_until_the_end_must_be_written_too():
+    output = RecordedOutput(FullWhenFlushed())
+    output.write("a line\n")
+    with pytest.raises(OSError, match="No space left"):
+        output.finish()
 
 
 @needs_full

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from experiments.drive.course import STOPPED, drive_course
 from experiments.drive.page import slip_over_distance
 from experiments.drive.world import driver, make_world
 from sim.common.settings import from_options
+from sim.engine.simulations import States
 from sim.policy import Network, Policy
 from sim.traverse.config import TraverseConfig
 from sim.traverse.policy import OPTIONS
@@ -162,6 +164,32 @@ def test_slip_over_distance_is_weighted_by_the_belts():
 def test_a_robot_that_stays_in_place_has_no_slip_over_distance():
     run = driven(duration=1.0, speed=0.0)
     assert slip_over_distance(run) is None
+
+
+class TwistedGround:
+    """Ground of the height x y / 10."""
+
+    def height(self, x, y):
+        return x * y / 10
+
+
+def test_the_slope_is_that_under_both_tracks():
+    """On twisted ground, both tracks point up or down by as much as the ground between them: at
+    the heading phi by (y cos(phi) + x sin(phi)) / 10, and the tracks' middle is the hull's.
+    """
+    flat = driven(duration=0.1)
+    x, y, heading = np.random.default_rng(0).uniform(-3.0, 3.0, (3, len(flat.time)))
+    zero = 0 * x
+    attitude = [np.cos(heading / 2), zero, zero, np.sin(heading / 2)]
+    state = States(np.stack([x, y, zero, *attitude], axis=-1), np.zeros((len(x), 6)))
+    twisted = replace(flat, course=TwistedGround(), state=state)
+
+    hull = np.array(flat.robot.hull)
+    middle = (hull[:, 0].min() + hull[:, 0].max()) / 2
+    x_middle = x + middle * np.cos(heading)
+    y_middle = y + middle * np.sin(heading)
+    gradient = (y_middle * np.cos(heading) + x_middle * np.sin(heading)) / 10
+    np.testing.assert_allclose(twisted.slope, np.arctan(gradient), atol=1e-12)
 
 
 @pytest.mark.slow

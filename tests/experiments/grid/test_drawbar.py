@@ -46,6 +46,9 @@ def test_a_table_has_theory_at_the_same_pull(planned):
     (test,) = drawbar_tests(planned, rows_of(planned))
     free, pulled, stuck = test.table().texts
     assert pulled[:6] == ["40.0", "0.163", "0.037", "0.037", "6.8", "6.8"]
+    rising = slice(test.curve.most + 1)
+    efficiency = np.interp(40.0, test.curve.pull[rising], test.curve.efficiency[rising])
+    assert pulled[8:10] == ["0.80", f"{efficiency:.2f}"]
     assert pulled[-1] == "slip still grows"
     assert stuck[-1] == "immobilised"
     assert stuck[3] == "-"  # theory has no slip that suffices

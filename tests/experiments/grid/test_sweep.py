@@ -113,6 +113,13 @@ def test_an_empty_run_in_a_sweeps_table_is_one_line(tmp_path):
     assert chosen(tmp_path, ["seed=0"]) == {"a"}
 
 
+@pytest.mark.parametrize("where", ["speed=0.1", "speed=.10", "speed=1e-1"])
+def test_runs_are_chosen_by_number_however_it_is_written(tmp_path, where):
+    table = pa.table({"run": ["a", "b"], "speed": [0.1, 0.2]})
+    pq.write_table(table, tmp_path / "table.parquet")
+    assert chosen(tmp_path, [where]) == {"a"}
+
+
 def same_results(whole, resumed):
     for name in ("runs.parquet", "table.parquet"):
         assert (whole / name).read_bytes() == (resumed / name).read_bytes(), name

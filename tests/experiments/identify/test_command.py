@@ -7,6 +7,7 @@ from plain_drives import wandered
 from trackslip.identification.identify import identify
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.icr import ConstantIcr
+from trackslip.views.values import multiplier_values
 
 ROBOT = RobotGeometry(half_gauge=0.3, sprocket_radius=0.08)
 ICR = ConstantIcr(0.09, 0.3, 0.015)
@@ -103,9 +104,12 @@ def test_odometry_as_encoders_needs_its_multiplier(trackslip):
     geometry = RobotGeometry(0.168, 0.06)
     right = 1 + 0.045 / 0.168
     found = identify(log, geometry, method="drive", multiplier=1.2)
-    assert found.answer["wheel_separation_multiplier"].value == pytest.approx(right, abs=0.01)
+    name = "wheel_separation_multiplier"
+    assert found.answer[name].value == pytest.approx(right, abs=0.01)
     assert found.alarms == ()
+    assert dict(multiplier_values(found))[name].startswith("1.2")
     found = identify(log, geometry, method="drive")
+    assert dict(multiplier_values(found))[name].startswith("current × 1.0")
     (alarm,) = found.alarms
     assert alarm.kind == "multiplier"
     assert alarm.line == (

@@ -67,7 +67,19 @@ def test_another_ground_is_named_and_no_law_is_stored(trackslip, logs):
     assert re.search(r"wheel_separation_multiplier.* differ.* between the logs", printed)
 
 
-def test_evaluate_makes_a_table_of_models_and_logs(trackslip, logs):
+def panels_of(figure):
+    """Axes of a figure without those of legends."""
+    return [axes for axes in figure.axes if axes.axison]
+
+
+def test_evaluate_makes_a_table_of_models_and_logs(trackslip, logs, monkeypatch):
+    plots = {}
+
+    def kept(plot, pdf=False):
+        plots[plot.name] = plot
+        return ()
+
+    monkeypatch.setattr("experiments.common.page.drawn_plot", kept)
     identified = trackslip(
         "identify", str(logs / "monday.parquet"), str(logs / "ice.parquet"), *SIZE
     )
@@ -86,6 +98,13 @@ def test_evaluate_makes_a_table_of_models_and_logs(trackslip, logs):
     assert {*laws, "none", "best in the log"} <= set(rows)
     assert [*(result.folder / "tuesday" / "trajectories").glob("*_measured.tum")]
     assert (result.folder / "ice" / "report.html").is_file()
+    for figure in plots["errors_in_all_logs"].figure():
+        (axes,) = panels_of(figure)
+        assert [text.get_text() for text in axes.get_yticklabels()] == ["tuesday", "ice"]
+        assert axes.get_xscale() == "log"
+    for figure in plots["errors_ahead"].figure():
+        (axes,) = panels_of(figure)
+        assert axes.get_xscale() == "log"
 
 
 def test_one_log_of_several_that_cannot_be_read_is_named(refused, logs, tmp_path):

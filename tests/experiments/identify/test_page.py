@@ -5,8 +5,9 @@ import pytest
 from figures import assert_readable
 from slip_data import GEOMETRY, circles, driven, identified
 
-from experiments.common.page import Plot
+from experiments.common.page import Answer, Plot
 from experiments.identify import figures
+from experiments.identify.card import LINES, print_card
 from experiments.identify.page import page
 from experiments.identify.turns import Turns, slip_at
 from trackslip.laws.exponential import PUBLISHED
@@ -52,6 +53,18 @@ def test_the_answer_has_values_intervals_and_next_commands(found, two_drives):
     assert page(found, "Laws", "", {}).answer.next == []
 
 
+def test_a_card_leaves_out_sentences_that_do_not_fit(capsys):
+    facts = [("value", str(number)) for number in range(10)]
+    lines = [f"sentence {number}" for number in range(20)]
+    answer = Answer("", facts, lines, alarms=["wrong"], next=["trackslip deploy out"])
+    print_card(answer, "out/report.html")
+    printed = capsys.readouterr().out.splitlines()
+    assert len(printed) == LINES
+    assert printed[0] == "ALARM: wrong"
+    assert printed[11:-2] == lines[: LINES - 13]
+    assert printed[-2:] == ["next: trackslip deploy out", "report: out/report.html"]
+
+
 def test_turns_of_all_kinds_and_straight_runs_have_a_page():
     on_the_spot = [(0.0, 0.4), (0.0, -0.4), (0.0, 0.6)]
     for twists in (
@@ -66,6 +79,23 @@ def test_turns_of_all_kinds_and_straight_runs_have_a_page():
             *figures.slip_against_speed(turns),
         ):
             assert_readable(figure)
+
+
+def test_predictions_begin_at_marked_measured_positions(two_drives):
+    curves = {
+        curve.label: np.column_stack([curve.x, curve.y])
+        for curve in figures.predicted_paths(two_drives, ["icr_radius"]).curves
+    }
+    marked = curves["start of a prediction"]
+    marked = marked[np.isfinite(marked).all(axis=1)]
+    path = curves["icr_radius"]
+    is_known = np.isfinite(path).all(axis=1)
+    begins = path[1:][is_known[1:] & ~is_known[:-1]]
+    assert len(marked) > 1
+    np.testing.assert_allclose(marked, begins, atol=1e-12)
+    measured = two_drives.logs[0].pose[:, :2]  # of the longer drive
+    away = np.linalg.norm(marked[:, None] - measured, axis=-1).min(axis=1)
+    np.testing.assert_allclose(away, 0.0, atol=1e-9)
 
 
 def test_turns_to_both_sides_have_the_same_inner_and_outer_slips():

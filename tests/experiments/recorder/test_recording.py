@@ -105,6 +105,14 @@ def test_scan_points_lie_on_the_plate(driven):
     assert (off < 0.05).mean() > 0.99
 
 
+def test_the_estimated_plate_is_where_it_was_detected(driven):
+    folder, (log, _) = driven
+    rows = rows_of(folder / FILES["none"], "/run/estimate/plate", "centers")
+    assert [len(row) for row in rows] == log.is_valid.astype(int).tolist()
+    centres = np.concatenate([row for row in rows if row])
+    np.testing.assert_allclose(centres[:, :2], log.pose[log.is_valid, :2], atol=1e-6)
+
+
 def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     bare = [
         replace(log, truth=None, metadata={}, covariance=None, command=None, scans=None)

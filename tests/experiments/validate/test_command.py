@@ -3,13 +3,16 @@ import pytest
 from command_runs import ran
 
 from experiments.cli import main
+from experiments.common.soil import OnSoil
 from experiments.validate import checks, command
 from experiments.validate.checks import Checks, check_sliding, check_turns
 from experiments.validate.measurements import Setup
-from sim.ground.ground import Ground
+from experiments.validate.soil import slip_uphill
+from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import TrackslipError
+from trackslip.skid_theory import Load, drawbar_curve
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +132,19 @@ def test_robots_on_soft_soil_within_bounds(tmp_path, robot, ground, too_steep):
     others = [line.partition(": ")[0] for line in left_out if line not in steep]
     on_wheels = ["turns on the spot"] if robot in ("husky", "warthog") else []
     assert others == [*on_wheels, "loads, sliding and work"]
+
+
+@pytest.mark.parametrize("robot", ["shipped", "husky"])
+def test_the_slip_uphill_leaves_nothing_to_pull(robot):
+    parameters, _ = load_parameters(robot)
+    soil = load_ground("dry_sand").soil
+    gear = OnSoil(parameters, soil, Load()).gear
+    slope = 0.1
+    slip = 0.05
+    for _ in range(5):  # Newton's method
+        slip = slip_uphill(soil, gear, slope, slip)
+    (left,) = drawbar_curve(soil, gear, [slip], slope).pull
+    assert left == pytest.approx(0.0, abs=1e-6)  # [N]
 
 
 def test_a_robot_too_high_to_climb_is_told_its_way_on():

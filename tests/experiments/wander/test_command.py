@@ -14,4 +14,5 @@ def test_each_driving_in_the_simulator(trackslip, driving):
         late = np.hypot(*(log.pose - log.truth.pose)[log.valid, :2].T)
         assert late.max() < 0.02 * 5 + 0.3 * 0.12  # noise, and the way in the clock's delay
         assert {"lrf", "scanner"}.isdisjoint(log.metadata)  # SLAM measured the poses
+    assert result.summary["timing"]["simulated_s"] == 2 * 6.0
     assert f"trackslip identify {result.folder}" in result.printed

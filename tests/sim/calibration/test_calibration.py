@@ -94,6 +94,24 @@ def test_parameters_are_found_in_steady_rows_despite_a_wrong_one(truth, wrong):
     assert ("lateral_rms" in fit.metrics) == ("sensor_x" in truth)
 
 
+def test_speeds_are_compared_as_measured_and_as_simulated():
+    target = rows(TRUE, lateral=True)
+    target.samples.lateral[0] = np.nan
+    v, w, lateral = target.compared(target.errors(START))
+    assert [(one.name, one.unit) for one in (v, w)] == [("v", "m/s"), ("w", "rad/s")]
+    assert lateral.name == "lateral speed"
+    simulated = target.predicted(START)
+    for one, measured, expected in zip(
+        (v, w, lateral),
+        (*target.samples.twist.T, target.samples.lateral),
+        simulated,
+        strict=True,
+    ):
+        known = np.isfinite(measured)
+        np.testing.assert_array_equal(one.measured, measured)
+        np.testing.assert_allclose(one.simulated[known], expected[known], atol=1e-12)
+
+
 def test_what_is_not_told_widens_the_intervals_of_the_others():
     """Only the product of ratio and length matters: their priors, 30 and 15 %, leave 13 % of the
     ratio unknown.

@@ -425,6 +425,12 @@ def test_a_centre_belt_drives_a_machine_on_skids(tmp_path):
         load_parameters(str(file))
 
 
+def test_a_machine_on_one_belt_is_as_wide_as_the_belt(tmp_path):
+    robot = load_tracked(write(tmp_path, [box("base", 200, (1.5, 0.4, 0.3), (0, 0, 0.5))], CENTRE))
+    assert robot.half_gauge == 0.4 / 2
+    assert robot.offset == 0.0
+
+
 AXLE = '[[tracks]]\ny = 0.3\nhull = [[0.2, 0.1, 0.1]]\ncontact = "wheels"\n'
 BALL = '[[tracks]]\nsides = "centre"\ny = 0\nhull = [[-0.3, 0.05, 0.05]]\ncontact = "skid"\n'
 BALL += "patch_length = 0.05\n"

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from tracked import add_robot, built, plane
 
 from sim.tracks import DrawnTracks
+from sim.tracks.drawing import BOX, TrackLook
 from sim.tracks.hull import Hull
 
 NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
@@ -61,6 +62,33 @@ def test_the_length_of_the_belt_is_that_of_the_convex_hull():
     reach = x * np.cos(turns) + z * np.sin(turns) + radius
     perimeter = np.trapezoid(reach.max(axis=0), turns)
     assert hull.ends[-1] == pytest.approx(perimeter, rel=1e-6)
+
+
+def test_the_belt_is_closed_and_runs_in_its_direction():
+    """Its direction is the derivative of its place, also where the last arc meets the first run."""
+    hull = Hull.from_wheels(NOSE)
+    length = hull.ends[-1]
+    distance = np.linspace(-length, 2 * length, 3001)
+    _, heading = hull.place(distance)
+    h = 1e-6
+    ahead, _ = hull.place(distance + h)
+    behind, _ = hull.place(distance - h)
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    np.testing.assert_allclose((ahead - behind) / (2 * h), direction, atol=1e-4)
+    start, _ = hull.place(np.array(0.0))
+    end, _ = hull.place(np.array(-1e-20))  # rounds to the whole length
+    np.testing.assert_allclose(end, start, atol=1e-12)
+
+
+def test_shoes_cover_the_belt_without_gaps():
+    """The middle of the shoes lies by half of their thickness inside the hull, whose length is
+    shorter there by 2 pi times as much (J. Steiner).
+    """
+    hull = Hull.from_wheels(NOSE)
+    pieces = TrackLook(hull.wheels, 0.0, 0.08).pieces(0.0)
+    length, _, thickness = 2 * pieces.size[pieces.kind == BOX].T
+    expected = hull.ends[-1] - 2 * np.pi * thickness[0] / 2
+    assert length.sum() == pytest.approx(expected)
 
 
 def test_belts_move_as_far_as_they_run_and_with_their_body():

@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from tracked import add_robot, built, plane
 
 from sim.terrain import Course, HeightField
-from sim.tracks import Belts, Track, add_tracks
+from sim.tracks import Belts, Reading, Track, add_tracks
 from trackslip.errors import InvalidValueError, TrackslipError
 
 
@@ -116,6 +118,14 @@ def test_the_load_on_a_height_field_is_the_weight(length, cell, preset):
     weight = 9.81 * model.body_subtreemass[0]
     second_half = load[len(load) // 2 :]
     assert np.mean(second_half) == pytest.approx(weight, rel=0.01)
+
+
+def test_the_track_that_lacks_most_contacts_is_named():
+    missing = np.array([[0.0, 0.01], [0.0, 0.2], [0.1, 0.0]])  # of three robots
+    for rows, name in ((slice(None), "right"), (2, "left")):
+        reading = replace(Reading.none(3, 2), missing=missing)[rows]
+        with pytest.raises(TrackslipError, match=f"track {name} touches the terrain at more"):
+            reading.complete(("left", "right"))
 
 
 def test_a_reading_that_lacks_contacts_says_so():

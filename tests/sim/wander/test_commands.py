@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -67,6 +69,15 @@ def test_sprockets_and_truth_are_those_of_the_encoders_rows(encoders):
     np.testing.assert_allclose(angle[rows[1:]], expected, atol=1e-9)
     np.testing.assert_allclose(log.truth.pose[rows], encoders.truth.pose, atol=1e-12)
     np.testing.assert_allclose(log.truth.twist[rows], encoders.truth.twist, atol=1e-12)
+
+
+def test_a_row_with_only_a_pose_has_the_command_in_force(encoders):
+    """That of the reading before, until the next reading."""
+    command = np.arange(2.0 * len(encoders.time)).reshape(-1, 2)
+    commanded = replace(encoders, command=command)
+    log = joined_log(commanded, np.array([0.013, 0.5, 19.99]), np.zeros((3, 3)))
+    np.testing.assert_array_equal(log.command[log.read], command)
+    np.testing.assert_array_equal(log.command[log.valid], command[[0, 25, 999]])
 
 
 RNG = np.random.default_rng(4)

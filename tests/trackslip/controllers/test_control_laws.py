@@ -209,7 +209,7 @@ def test_each_axis_is_a_damped_spring(speed, stiffness, damping):
     solution: a sum of exp(root t) with the weights of e and e' at the start.
     """
     heading = 0.7
-    start_error = np.array([0.03, 0.04, 0.1])
+    start_error = np.array([0.03, 0.04, 0.8])
     reference = SegmentedReference((1.0, 2.0, heading), [Segment(10.0, speed, 1.5 * speed, 0.8)])
     controller = DynamicFeedback(stiffness, damping)
     start = pose_with_error(reference.pose(0.0), start_error)

@@ -5,7 +5,7 @@ import pytest
 from plain_drives import DRIVE, ENCODER_STEP, HUSKY, look, measured
 
 from trackslip.drives.encoders import Encoders, encoders_of
-from trackslip.logs.repeats import angle_readings, speed_readings
+from trackslip.logs.repeats import angle_readings, speed_readings, without_repeats
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table_reader import runs_from_table
 
@@ -53,6 +53,14 @@ def test_mean_speeds_filled_forwards_count_once(jitter):
     found, _ = look_in(filled_beside_poses)
     assert found.gains.speed.value == TRUE_GAIN
     assert not found.alarms
+
+
+def test_a_value_that_lasts_to_the_end_was_read_several_times():
+    """Rows count that are a usual interval away from both of its ends."""
+    time = np.arange(100.0)
+    changes = np.array([0, 2, 4, 6])
+    rows = without_repeats(time, changes, usual=2.0)
+    np.testing.assert_array_equal(rows, [0, 2, 4, 6, *range(8, 98)])
 
 
 @pytest.mark.parametrize("fill", ["ffill", "bfill"])

@@ -21,7 +21,9 @@ from plain_drives import (
 )
 
 from trackslip.drives.conditioning import drives_of
+from trackslip.drives.drive import Drives
 from trackslip.drives.first_look import first_look
+from trackslip.drives.gains import windows_of
 from trackslip.errors import LogError
 from trackslip.se2 import Mounting, wrap_angle
 
@@ -115,6 +117,27 @@ def test_plain_driving_tells_what_it_can(speeds, yaw_rates, tells, kind):
     tells_speed = tells in ("speed", "both") and kind != "headings"
     require_gain(found.gains.turn, HUSKY.turn_gain if tells_turn else None)
     require_gain(found.gains.speed, 0.97 if tells_speed else None)
+
+
+@pytest.mark.parametrize(("interval", "compared"), [(10.0, True), (10.02, False)])
+def test_poses_are_compared_up_to_ten_seconds_apart(interval, compared):
+    drive = drive_of(duration=300.0, yaw_rate=0.1)
+    time, pose = measured(drive, pose_step=interval)
+    drives, _ = drives_of([log_of(drive, time, pose)])
+    window = windows_of(Drives.of(drives), HUSKY.geometry, 0.0)
+    assert np.isfinite(window.turned).any() == compared
+
+
+@pytest.mark.parametrize(
+    ("speeds", "yaw_rates", "note"),
+    [
+        ([0.5, -0.3], [0.0, 0.0], "no gain of turns: the robot hardly turns"),
+        ([0.0, 0.0], [0.6, -0.6], "no gain of distances: the robot hardly drives"),
+    ],
+)
+def test_a_gain_that_is_missing_has_a_reason(speeds, yaw_rates, note):
+    drive = drive_of(commands=(np.tile(speeds, 20), np.tile(yaw_rates, 20)))
+    assert note in look_at(drive, *measured(drive)).notes
 
 
 def test_a_sensor_anywhere_and_turned_changes_no_gain():

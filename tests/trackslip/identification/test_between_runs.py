@@ -101,6 +101,14 @@ def test_means_of_groups_with_equal_errors_are_plain_means():
     np.testing.assert_allclose(covariance, np.cov(values.T) / 7)
 
 
+def test_the_scatter_between_two_groups_has_a_closed_form():
+    """Of y = 0 and 5 with variances 1 and 4 it is (5^2 - 1 - 4) / 2 = 10, so that the weights are
+    1 / 11 and 1 / 14.
+    """
+    mean, _ = mean_of_groups(np.array([[0.0], [5.0]]), np.array([[1.0], [4.0]]))
+    assert mean[0] == pytest.approx(5.0 * 11 / (11 + 14))
+
+
 def test_a_group_that_tells_nothing_has_no_weight():
     values = np.array([[1.0], [1.2], [1.1], [9.0]])
     variance = np.array([[0.01], [0.01], [0.01], [1e6]])

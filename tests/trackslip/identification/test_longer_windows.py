@@ -63,6 +63,14 @@ def test_without_smoothing_windows_agree(source):
     assert gain.low < HUSKY.offset < gain.high
 
 
+def test_where_windows_agree_the_fit_stays_as_it_is():
+    drives = drives_of([logged(as_measured, 2)])[0]
+    fit = fit_drives("icr_radius", drives, HUSKY.geometry)
+    covering, longer = covering_longer_windows(fit, np.zeros(len(fit.fit.values)))
+    assert longer is None
+    assert covering is fit
+
+
 def slightly_smoothed(pose):
     """Headings averaged over 1.3 s."""
     return averaged(pose, half=6)

@@ -187,6 +187,25 @@ def test_plate_locator_is_within_a_tenth_of_the_bound(scan_rectangle):
     assert everywhere.max() < 1.1
 
 
+def test_a_mirrored_prediction_of_few_returns_changes_nothing(scan_rectangle):
+    """Plates seen nearly edge-on look like their mirror images; from few returns, a fit may stay at
+    one that was predicted.
+    """
+    rng = np.random.default_rng(5)
+    poses = seen_at((2, 8), rng, 120, distance=(1.5, 4.0))
+    scan = scan_rectangle(poses, rng, noise=0.002)
+    bearing = np.arctan2(poses[:, 1], poses[:, 0])
+    mirrored = np.column_stack([poses[:, :2], 2 * bearing - poses[:, 2]])
+    is_few = extract_plate(scan, PLATE, mirrored).count < 8
+    assert is_few.sum() > 40
+
+    few = replace(scan, ranges=scan.ranges[is_few])
+    alone = LOCATOR.locate(few)
+    predicted = LOCATOR.locate(few, mirrored[is_few])
+    np.testing.assert_array_equal(predicted.valid, alone.valid)
+    np.testing.assert_allclose(predicted.pose[alone.valid], alone.pose[alone.valid], atol=1e-5)
+
+
 def off_the_plate(scan_rectangle):
     """Poses (5, 3) that are slightly wrong, and the beams of the scans."""
     rng = np.random.default_rng(0)

@@ -114,6 +114,11 @@ def test_what_looks_wrong_is_told():
     assert "only turns on the spot" in " ".join(followed(spin).notes)
 
 
+def test_a_straight_drive_says_nothing_about_the_sides():
+    session = drive(np.tile([[2.0, 2.0]], (600, 1)), things=room(), beams=241)
+    assert followed(session).notes == ()
+
+
 def test_scans_without_a_plate():
     said = r"no plate of 0\.6x0\.04 m moves as the encoders say in its .* scans"
     behind = drive(commands(), start=(0.0, -5.0, 0.0), things=room(), beams=181)
@@ -131,6 +136,10 @@ def test_returns_and_beams_follow_rep_117():
     np.testing.assert_array_equal(np.isfinite(raw.ranges[0]), is_return[::-1])
     np.testing.assert_allclose(raw.bearings, np.linspace(0.1, 1.0, 10), atol=1e-12)
     np.testing.assert_allclose(raw.lag, 0.002 * np.arange(9, -1, -1))
+    no_limit = message(0.0, 0.1)
+    no_limit.range_min = 0.0
+    raw = RawScans.measured(time, np.tile([0.0, 0.05], (20, 1)), no_limit)
+    np.testing.assert_array_equal(np.isfinite(raw.ranges[0]), [False, True])
     for distance, step, said in (
         (np.inf, 0.1, "no return"),
         (1.0, 0.0, "increment = 0"),

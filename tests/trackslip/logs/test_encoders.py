@@ -117,6 +117,15 @@ def test_coarse_counters_are_left_as_they_are(per_turn):
     np.testing.assert_array_equal(counts, ticks)
 
 
+def test_a_counter_that_restarts_at_rest_is_noticed():
+    time = 0.05 * np.arange(600)
+    speed = np.where((time > 10.0) & (time < 20.0), 0.0, 300.0)  # [ticks/s]
+    ticks = np.floor(np.cumsum(speed * 0.05))
+    ticks[300:] -= ticks[300]
+    _, restart = continuous(time, ticks)
+    assert restart == 300
+
+
 def test_a_counter_that_restarts_is_refused_with_its_row():
     time, angle = driven(rows=1500)
     ticks = ticks_of(angle)

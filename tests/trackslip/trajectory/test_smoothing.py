@@ -98,6 +98,13 @@ def test_points_that_are_far_apart_or_smooth_are_met():
         assert missed(waypoints(points), points) < MET
 
 
+def test_a_point_beside_an_end_counts_beyond_the_tolerance():
+    aside = [(1.03, 0.05), (1.06, 0.0)]
+    points = np.concatenate([straight(1.0, 0.01), aside])
+    for way in (points, points[::-1]):
+        assert missed(waypoints(way), way) <= TOLERANCE + MET
+
+
 def test_tolerance_0_meets_all_points():
     points = noisy(straight(1.0, 0.04), 0.002)
     exact = waypoints(points, tolerance=0.0)
@@ -107,6 +114,7 @@ def test_tolerance_0_meets_all_points():
         waypoints(points, tolerance=-0.01)
     with pytest.raises(InvalidValueError, match=r"point 3 .* at least 0\.001 m from"):
         waypoints([(0, 0), (1, 0), (1.0005, 0), (2, 0)], tolerance=0.0)
+    waypoints([(0, 0), (1, 0), (1.0005, 0), (2, 0)], tolerance=0.001)
 
 
 def test_noise_of_headed_points_costs_no_time():
@@ -204,6 +212,23 @@ def test_the_curve_is_the_smoothest_one(ends):
     constraints = {"type": "ineq", "fun": room}
     best = minimize(energy_of, start, constraints=constraints, options={"maxiter": 500})
     assert energy(parameter, reached, ends) < 1.06 * best.fun
+
+
+@pytest.mark.parametrize("wavelength", [2.0, np.pi, 6.0])
+def test_noise_is_averaged_over_half_a_metre_at_most(wavelength):
+    """However wide the tolerance: the curve y through dense points p minimises the integral of
+    y''^2 + (y - p)^2 / L^4, so that waves of the wave number k are 1 + (k L)^4 times as flat.
+    """
+    spacing = 0.02
+    x = np.arange(0.0, 20.0, spacing)
+    wave = 0.001 * np.sin(2 * np.pi / wavelength * x)
+    points = x + 1j * wave
+    _, reached = smoothed(points, np.full(len(points), 0.1), Ends())
+    far_from_the_ends = slice(400, -400)
+    flatter = 1 + (2 * np.pi / wavelength * 0.5) ** 4
+    np.testing.assert_allclose(
+        reached.imag[far_from_the_ends], wave[far_from_the_ends] / flatter, atol=1e-7
+    )
 
 
 def test_quicker_limits_count_more_points_as_dense():

@@ -170,6 +170,24 @@ def test_plot_returns_a_labelled_figure_that_notebooks_show(result):
     assert figure._repr_png_().startswith(b"\x89PNG")
 
 
+def test_bars_of_tracking_errors_are_in_millimetres():
+    """The robot is 3 mm ahead and 4 mm to the left of its reference all the time."""
+    (axes,) = errors_of_tracking().plot().axes
+    bars = dict(zip(axes.get_yticklabels(), axes.patches, strict=True))
+    widths = {label.get_text(): bar.get_width() for label, bar in bars.items()}
+    assert widths["rms"] == pytest.approx(5.0)
+    assert widths["largest"] == pytest.approx(5.0)
+    assert axes.get_xlabel() == "error [mm]"
+
+
+def test_scores_of_a_benchmark_are_in_millimetres():
+    (axes,) = benchmark().plot().axes
+    interval, first, second = (line.get_xdata() for line in axes.lines)
+    np.testing.assert_allclose(interval, [1.7, 2.1])
+    np.testing.assert_allclose([*first, *second], [1.9, 500.0])
+    assert "[mm]" in axes.get_xlabel()
+
+
 def test_plot_draws_into_a_figure_that_is_given():
     figure = Figure()
     assert ICR.plot(figure) is figure
