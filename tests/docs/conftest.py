@@ -1,7 +1,12 @@
+import contextlib
 import importlib
 import sys
 
 import pytest
+
+# pages train after others have drawn with OpenGL, in this process: docs/faq.md has the reason
+with contextlib.suppress(ImportError):
+    import torch._dynamo  # noqa: F401
 
 
 @pytest.fixture
