@@ -73,11 +73,17 @@ def test_the_rut_of_a_first_pass_resists_no_more(robot):
     assert abs(fleet.ruts.resistance.sum()) < 0.02 * resistance(SNOW)
 
 
-def test_a_robot_that_spins_on_the_spot_meets_resistance_only_at_first(robot):
+@pytest.mark.parametrize("straight", [0.0, 4.0])
+def test_a_spin_meets_resistance_only_at_first(robot, straight):
+    """On fresh soil, and at the end of a rut, which has taken a part of the ring."""
     fleet = fleet_on(robot, SAND)
-    drive(fleet, [-2.0, 2.0], 20.0)
-    turned = fleet.pose()[0, 2]
-    assert turned > 2 * np.pi
+    drive(fleet, [3.0, 3.0], straight)
+    drive(fleet, [0.0, 0.0], 1.0)
+    before = fleet.pose()[0]
+    drive(fleet, [-2.5, 2.5], 16.0)
+    moved = fleet.pose()[0] - before
+    assert moved[2] > 2 * np.pi
+    assert np.hypot(*moved[:2]) < 0.01
     assert np.abs(fleet.ruts.resistance).sum() < 0.2 * resistance(SAND)
 
 
