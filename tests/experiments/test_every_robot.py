@@ -367,7 +367,7 @@ def test_theory_has_the_numbers_of_the_robots_file(tmp_path, capsys):
         "grid --radii 1 --speeds 0.1 --duration 4 --executor inline",
         "track --controller feedforward --compensation none --reference circle --circle-duration 2",
         "wander --duration 2",
-        "drive --course flat --duration 0.2",
+        "drive --course flat --duration 0.2 --pictures 0",
     ],
 )
 def test_every_command_says_that_a_robot_has_no_motors(command, files, trackslip):
@@ -379,7 +379,8 @@ def test_every_command_says_that_a_robot_has_no_motors(command, files, trackslip
 
 def test_drive_says_that_it_exceeds_the_usual_top_speed(files, trackslip):
     robot = source("plain", files)
-    drive = ("drive", "--course", "flat", "--duration", "0.2", "--robot", robot, "--speed")
+    short = ("--course", "flat", "--duration", "0.2", "--pictures", "0")
+    drive = ("drive", *short, "--robot", robot, "--speed")
     said = "a robot without motors is as fast as `drive` is told"
     assert f"{said}, 0.7 m/s here; in all other commands" in trackslip(*drive, "0.7").printed
     assert said not in trackslip(*drive, "0.6").printed
@@ -400,7 +401,8 @@ def test_commands_to_a_robot_without_motors_are_replayed_in_full(files):
 def test_drive_warns_of_a_weak_motor_as_grid_does(tmp_path, trackslip):
     robot = tmp_path / "weak.toml"
     robot.write_text("half_gauge = 0.2\n[drive]\ntorque_limit = 2.0\n")
-    drove = ("drive", "--course", "flat", "--turn", "1.5", "--speed", "0", "--duration", "2")
+    turn = ("--course", "flat", "--turn", "1.5", "--speed", "0", "--duration", "2")
+    drove = ("drive", *turn, "--pictures", "0")
     grid = ("grid", "--radii", "0.21", "--speeds", "0.1", "--duration", "4")
     pattern = r"motor is at its limit for (\S+)% of the time: 2 N m at hand, (\S+) N m needed"
     for command in (drove, grid):

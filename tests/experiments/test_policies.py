@@ -11,7 +11,10 @@ from sim.traverse.policy import OPTIONS as CROSSING
 ROBOTS_AND_PATHS = {"robot": "gone.toml", "ground": "gone.toml", "reference": "gone.csv"}
 TRACK = ("track", "--reference", "circle", "--circle-duration", "1", "--localization", "truth")
 BENCHMARK = ("benchmark", "--compensations", "none", "--seeds", "0", "--plants", "nominal")
-DRIVE = ("drive", "--course", "flat", "--preset", "fast", "--duration", "0.2")
+DRIVE = (
+    *("drive", "--course", "flat", "--preset", "fast", "--duration", "0.2"),
+    *("--pictures", "0"),
+)
 
 
 @pytest.fixture(autouse=True)
