@@ -427,8 +427,8 @@ class Fleet(Simulations):
 
     def _present_pull(self, rows: Rows) -> Array:
         """Pull (R,) on the robots `rows` (R,) at present [N]."""
-        has_begun = self._run_time()[rows] >= self.pull.since - _ROUNDING
-        return np.where(has_begun, self.pull.force, 0.0)
+        time = (self._periods - self._began[rows]) * self.period
+        return self.pull.force * (time >= self.pull.since - _ROUNDING)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         if self.ruts is not None:

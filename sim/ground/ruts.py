@@ -393,9 +393,9 @@ class Ruts(Restorable):
         work = soil.modulus / power * pressed
         self.resistance[rows] = -self._width * work * (travel / GROWTH)
 
-        rear, foremost = depth[:, pads:].reshape(-1, 2, 2).transpose(2, 0, 1)
-        gap = _mean(untouched, axis=1) - np.where(travel >= 0, foremost, rear)
-        lifted = self._lifted(rows, pose, front, gap)
+        ends = depth[:, pads:].reshape(-1, 2, 2)  # (R, 2, rear and front)
+        depth_ahead = np.where(travel >= 0, ends[..., 1], ends[..., 0])
+        lifted = self._lifted(rows, pose, front, _mean(untouched, axis=1) - depth_ahead)
         return None if lifted is None else np.where(front * belt > 0, lifted, 0.0)
 
     def _lifted(self, rows: _Ints, pose: Array, front: Array, gap: Array) -> Array | None:
