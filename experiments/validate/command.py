@@ -82,12 +82,14 @@ def run(config: Config) -> None:
         table = Table("Theory and simulator", header, rows, note=_NOTE)
         alarms = [f"Failed: {what}." for what in checks.failed]
         lines = [f"Not applicable: {line}." for line in checks.not_applicable]
-        following = [f"trackslip grid --robot {config.robot}"]
+        following = f"trackslip grid --robot {config.robot}"
+        if config.ground.source:
+            following += f" --ground {config.ground.source}"
         facts = [
             *comparison.facts,
             ("speed of the belts, at most", f"{checked_speed(parameters):.3g} m/s"),
         ]
-        answer = Answer(checks.verdict, facts, lines, alarms=alarms, next=following)
+        answer = Answer(checks.verdict, facts, lines, alarms=alarms, next=[following])
         summary = partial(figures.checks_figure, checks.done)
         all_checks = Plot("checks", summary, "All checks", _CHECKS)
         sections = [Section("Simulated minus theory", [all_checks, table, *comparison.plots])]
