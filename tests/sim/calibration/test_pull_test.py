@@ -72,7 +72,7 @@ def test_one_weight_tells_only_the_strength():
     assert of_true_shares.estimates[STRENGTH].value == pytest.approx(strength, rel=1e-3)
 
 
-def test_small_slips_tell_the_shear_modulus_only_together_with_the_strength():
+def test_small_slips_tell_shear_modulus_and_strength_together():
     """There, the pull is the strength times i L / (2 K)."""
     base = on_soil(SAND, TRUE)
     noise = 0.002 * WEIGHT * np.random.default_rng(0).standard_normal(6)

@@ -80,7 +80,7 @@ def test_a_wheel_that_turns_back_rolls_in_its_own_rut(robot):
     assert -0.8 * fresh < resistance(fleet)[0] < 0
 
 
-def test_wheels_that_spin_on_the_spot_deepen_their_ring_more_slowly(robot):
+def test_wheels_that_spin_deepen_their_ring_more_and_more_slowly(robot):
     fleet = fleet_on(robot, without_slip_sinkage(SAND))
     drive(fleet, [-2.0, 2.0], 3.0)
     fresh = np.abs(fleet.ruts.resistance).sum()

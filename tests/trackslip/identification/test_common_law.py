@@ -131,7 +131,7 @@ def test_the_comparison_is_a_table_and_a_figure():
     assert repr(found).startswith("<LogComparison of monday, short: ")
 
 
-def test_a_law_that_is_hardly_known_does_not_speak_against_one_for_all():
+def test_a_hardly_known_law_does_not_speak_against_one_for_all():
     """A short drive has a law that predicts a long one badly, and wide intervals."""
     found = trackslip.compare_logs({"long": drive(101), "short": drive(201, duration=25.0)})
     cost = found.costs["long"]

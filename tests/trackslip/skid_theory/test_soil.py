@@ -174,7 +174,7 @@ def test_a_robot_that_digs_itself_in_is_immobilised():
     assert np.isnan(slip_for(DIGGING, TRACKS, 1.01 * most, hitch_height=0.1))
 
 
-def test_efficiency_is_the_power_of_the_pull_over_that_of_the_belts():
+def test_efficiency_is_the_power_of_the_pull_over_the_belts():
     curve = drawbar_curve(SAND, LOW)
     power = curve.thrust * np.cos(curve.pitch)
     np.testing.assert_allclose(curve.efficiency, curve.pull * (1 - curve.slip) / power)
@@ -184,7 +184,7 @@ def test_efficiency_is_the_power_of_the_pull_over_that_of_the_belts():
     assert curve.efficiency[0] < curve.efficiency[curve.best]
 
 
-def test_steepest_slope_of_dry_rigid_ground_is_its_friction_angle():
+def test_steepest_slope_of_dry_firm_ground_is_its_friction_angle():
     dry = replace(RIGID, cohesion=0.0, shear=1e-5)
     assert most_slope(dry, LOW) == pytest.approx(dry.friction_angle, abs=1e-4)
     # a shear modulus takes the share of (3) at full slip from it
@@ -293,7 +293,7 @@ def test_thrust_of_a_wheel_at_full_slip_is_the_strength():
     np.testing.assert_allclose(rolling.thrust(SAND, -SLIP[2:]), -rolling.thrust(SAND, SLIP[2:]))
 
 
-def test_thrust_of_a_wheel_at_little_slip_grows_with_the_sheared_length():
+def test_thrust_at_little_slip_grows_with_the_sheared_length():
     """For n = 1 and no cohesion, the mean distance behind the entry is 5/8 of the arc."""
     soil = replace(LOOSE, n=1.0)
     rolling = roll(soil, LARGE, 1e3)
@@ -303,7 +303,7 @@ def test_thrust_of_a_wheel_at_little_slip_grows_with_the_sheared_length():
     np.testing.assert_allclose(rolling.thrust(soil, slip), expected, rtol=1e-3)
 
 
-def test_wheels_balance_the_moments_of_pull_weight_and_resistance():
+def test_wheels_balance_moments_of_pull_weight_and_resistance():
     curve = drawbar_curve(SAND, HUSKY, SLIP, hitch_height=0.2)
     lean = HUSKY.com_height * np.sin(curve.pitch)
     moment = 0.2 * np.maximum(curve.pull, 0.0) + HUSKY.radius * curve.resistance
