@@ -48,7 +48,7 @@ def test_published_numbers(trackslip, centred):
 def test_a_fitted_lag_names_a_robot_without_motors(tmp_path):
     robot = tmp_path / "robot.toml"
     robot.write_text(ROBOT.format(across=0.6))
-    drives = ("--drives", "1", "--duration", "10")
+    drives = ("--drives", "1", "--duration", "5")
     ran(tmp_path / "out", "wander", "--robot", str(robot), *drives)
     fit = ("--target", str(tmp_path / "out"), "--robot", str(robot), "--free")
     lag = ran(tmp_path / "lag", "calibrate", *fit, "lag")

@@ -215,7 +215,9 @@ def test_options_ask_for_what_is_not_to_be_drawn():
             env.reset(options=options)
 
 
-@pytest.mark.parametrize("compensation", ["icr_radius", "online", "none"])
+@pytest.mark.parametrize(
+    "compensation", ["icr_radius", pytest.param("online", marks=pytest.mark.slow), "none"]
+)
 def test_out_of_sight_the_law_in_use_predicts_the_pose(compensation):
     """Feedforward out of the scanner's range: what is observed is dead reckoning."""
     env = PathTrackingEnv(

@@ -204,7 +204,9 @@ def blind(pilots, duration=30.0, locator=PlateLocator):
     return path, logs
 
 
-@pytest.mark.parametrize("locator", [PlateLocator, LineLocator])
+@pytest.mark.parametrize(
+    "locator", [PlateLocator, pytest.param(LineLocator, marks=pytest.mark.slow)]
+)
 def test_a_blind_robot_with_its_law_stays_on_the_path(locator):
     names = ("icr_radius", "online", "none")
     pilots = [

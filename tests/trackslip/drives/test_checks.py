@@ -152,7 +152,15 @@ def test_clocks_are_found_over_the_whole_length(every, late):
     assert differ == pytest.approx(abs(late), abs=0.15)
 
 
-@pytest.mark.parametrize("every", [2.0, 4.0, 8.0, 12.0])
+@pytest.mark.parametrize(
+    "every",
+    [
+        2.0,
+        pytest.param(4.0, marks=pytest.mark.slow),
+        pytest.param(8.0, marks=pytest.mark.slow),
+        12.0,
+    ],
+)
 def test_clocks_of_rare_poses_that_are_right_hold(every):
     found = look_at(CORRIDOR, *measured(CORRIDOR, pose_step=every))
     assert verdicts(found)["clocks"] is Verdict.HOLDS

@@ -99,7 +99,15 @@ def test_most_rows_wrong_without_a_reason_are_refused():
         identify(pa.table(samples), GEOMETRY)
 
 
-@pytest.mark.parametrize("separation", [0.85, 1.0, 2.5, 4.5])
+@pytest.mark.parametrize(
+    "separation",
+    [
+        pytest.param(0.85, marks=pytest.mark.slow),
+        1.0,
+        pytest.param(2.5, marks=pytest.mark.slow),
+        4.5,
+    ],
+)
 def test_robots_that_turn_much_or_little_are_taken(separation):
     found = identify(pa.table(table(separation=separation)), GEOMETRY)
     answer = found.answer["wheel_separation_multiplier"]

@@ -54,7 +54,15 @@ def tracker_with(compensation):
     return LawTracker(START, GEOMETRY, [(range(2), compensation)])
 
 
-@pytest.mark.parametrize("law", ["exponential", "exponential_speed", "icr", "icr_radius"])
+@pytest.mark.parametrize(
+    "law",
+    [
+        "exponential",
+        pytest.param("exponential_speed", marks=pytest.mark.slow),
+        "icr",
+        "icr_radius",
+    ],
+)
 def test_a_blind_robot_drives_on_by_its_law_and_covariance(law):
     estimate = driven_blind(tracker_with(named_compensation(law, GEOMETRY)))
     assert not estimate.valid.any()
