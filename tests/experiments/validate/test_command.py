@@ -116,6 +116,7 @@ def test_robots_and_grounds_within_bounds(tmp_path, robot, ground, not_applicabl
         ("shipped", "dry_sand", 0),
         ("shipped", "soft_snow", 2),
         ("rescue", "regolith", 0),
+        ("rescue", "soft_snow", 2),
         ("husky", "dry_sand", 0),
         ("warthog", "upland_loam", 0),
     ],
