@@ -309,10 +309,10 @@ class Ruts(Restorable):
         self.height[rows] = -pose[:, 2:3] - (depth + floor[:, None]) / 2
 
         # the strength of the soil over the pressure
-        pressure = np.where(reaches, compression, np.inf) / self._give[rows, None]
-        along = soil.friction + soil.cohesion / pressure
-        bulldozed = (soil.by_square * margin + soil.by_depth) * margin
-        across = along + bulldozed / (self._width * pressure)
+        per_pressure = self._give[rows, None] / np.where(reaches, compression, np.inf)
+        along = soil.friction + soil.cohesion * per_pressure
+        bulldozed = (soil.by_square * margin + soil.by_depth) * margin  # force per length
+        across = along + bulldozed * (per_pressure / self._width)
         surface = np.empty((*along.shape, 3))
         surface[..., 0] = np.minimum(along, MOST_FRICTION)
         surface[..., 1] = np.minimum(across, MOST_FRICTION)
@@ -499,12 +499,12 @@ class Ruts(Restorable):
         """Move the windows of robots `rows` (R,) at positions (R, 2) [m] that are off their
         middles.
         """
-        cell = self._cell_of(position)
-        stray = cell - self._corner[rows] - WINDOW // 2
-        distance = np.maximum.reduce(np.abs(stray), axis=1)
-        for k, farthest in enumerate(distance.tolist()):
-            if farthest > _STRAY:
-                self._move(int(rows[k]), stray[k])
+        distance = np.abs(position / self._cell - (self._corner[rows] + WINDOW // 2))
+        if np.maximum.reduce(distance, axis=None) <= _STRAY:
+            return
+        stray = self._cell_of(position) - self._corner[rows] - WINDOW // 2
+        for k in np.flatnonzero(distance.max(axis=1) > _STRAY).tolist():
+            self._move(int(rows[k]), stray[k])
 
     def _move(self, robot: int, by: _Ints) -> None:
         """Move a robot's window by some cells `by` (2,)."""

@@ -18,11 +18,12 @@ from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.grid_runs import before_scanner, cells_of, drive_grid
 from experiments.simulate.options import IDENTIFIED
 from experiments.simulate.world import World
-from sim import LaserScanner, Pilot, ScannerFeed, closed_loop
+from sim import LaserScanner, Pilot, ScannerFeed, closed_loop, load_robot
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.fleet.fleet import SETTLING, Fleet
 from sim.ground.ground import NAMED_GROUNDS, Ground
 from sim.path_tracking.config import PERIOD
+from sim.robot.named import load_parameters
 from sim.runs.stopwatch import Stopwatch
 from sim.terrain import Course, Flat
 from trackslip.controllers.named import CONTROLLERS
@@ -67,13 +68,23 @@ def test_fleet(compare, robot, size, least):
     compare(lambda: fleet.advance(duration), bare_steps(fleet, duration), least)
 
 
-@pytest.mark.parametrize(("size", "least"), [(1, 0.3), (25, 0.5), (256, 0.5)])
-def test_soft_soil_over_ground_that_shears(compare, robot, size, least):
-    sand = NAMED_GROUNDS["dry_sand"]
-    soft = on_circle(robot, size, sand)
-    sheared = on_circle(robot, size, Ground(sand.along, sand.across, shear=sand.shear))
+def compare_with_shear(compare, robot, size: int, ground: Ground, least: float) -> None:
+    """Compare a fleet on soft soil with one on firm ground of the same friction and shear."""
+    soft = on_circle(robot, size, ground)
+    sheared = on_circle(robot, size, Ground(ground.along, ground.across, shear=ground.shear))
     duration = SCAN * periods(size, SCAN, 0.3)
     compare(lambda: soft.advance(duration), lambda: sheared.advance(duration), least)
+
+
+@pytest.mark.parametrize(("size", "least"), [(1, 0.3), (25, 0.5), (256, 0.5)])
+def test_soft_soil_under_tracks(compare, robot, size, least):
+    compare_with_shear(compare, robot, size, NAMED_GROUNDS["dry_sand"], least)
+
+
+@pytest.mark.parametrize(("size", "least"), [(1, 0.15), (25, 0.25), (256, 0.25)])
+def test_soft_soil_under_wheels(compare, size, least):
+    husky, _ = load_parameters("husky")
+    compare_with_shear(compare, load_robot(husky), size, NAMED_GROUNDS["upland_loam"], least)
 
 
 @pytest.mark.parametrize(("size", "least"), [(1, 0.2), (25, 0.6), (256, 0.7)])
