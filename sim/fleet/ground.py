@@ -209,7 +209,6 @@ class FleetGround(Restorable):
             soils = [self.grounds[row].soil for row in where.tolist()]
             self._ruts.put(where, soils, self._give(where))
             self._write_ruts(where)
-            self._soften(self._soft(where))
             self.share(where)
         self.slope = np.array([ground.slope for ground in self.grounds])
         """Slopes of the grounds (N,) [rad]."""
@@ -250,7 +249,6 @@ class FleetGround(Restorable):
         if soft.size:
             self._ruts.press(soft, pose[self._ruts.is_soft[rows]])
             self._write_ruts(soft)
-            self._soften(soft)
             self.share(soft)
 
     def traction_moment(self, rows: Rows) -> Array:
@@ -301,7 +299,8 @@ class FleetGround(Restorable):
         return np.broadcast_to(SINK * area / (mass * gravity), len(rows))
 
     def _write_ruts(self, rows: np.ndarray) -> None:
-        """Write to the engine where contacts begin under the robots `rows` (R,).
+        """Write to the engine where contacts begin under the robots `rows` (R,), and give the pads
+        of those on soft soil its friction.
 
         The ground lies at the mean of the depths at which contacts begin, because the engine puts
         contact points midway between pad and ground.
@@ -310,6 +309,7 @@ class FleetGround(Restorable):
         floor = self._ruts.floor[rows]
         self._heights[rows] = -floor
         self._margins[rows] = floor[:, None] - self._ruts.margin[rows]
+        self._soften(self._soft(rows))
 
     def _soften(self, soft: np.ndarray) -> None:
         """Give the pads of the robots `soft` (R,) the friction and the shear of their soil."""
@@ -339,7 +339,6 @@ class FleetGround(Restorable):
                 places = (before[:, which], after[:, which])
                 in_air = self._ruts.advance(soft, *places, pose[which], belt[which])
                 self._write_ruts(soft)
-                self._soften(soft)
                 if in_air is not None:
                     lifted = np.zeros_like(belt)
                     lifted[which] = in_air

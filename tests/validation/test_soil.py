@@ -315,7 +315,7 @@ class Gear:
     height: float
     """Height at which resistance acts on the robot [m]."""
     step_error: float
-    """Bound on the effect of the physics step in a minute's half [m]."""
+    """Bound on the effect of the physics step after 30 s of random commands [m]."""
 
 
 GEARS = {
