@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from own_clock import Clock
 
 from sim import Drive, Fleet, LaserScanner, Pilot, ScannerFeed, closed_loop, load_robot
 from sim.runs.delayed_commands import DelayedCommands
@@ -26,16 +27,6 @@ PATH = circle(1.25, 0.15, 2.0, START)
 LAW = FixedLaw(load_laws()["icr_radius"])
 
 
-class Clock:
-    """A clock that only controllers advance [s]."""
-
-    def __init__(self):
-        self.now = 0.0
-
-    def perf_counter(self):
-        return self.now
-
-
 @pytest.fixture
 def clock(monkeypatch):
     ours = Clock()
@@ -52,11 +43,11 @@ class Slow(LinearTimeVarying):
 
     def sense(self, omega):
         clock, sense, _, _ = self.taken
-        clock.now += sense
+        clock.sleep(sense)
 
     def twist(self, time, pose, reference):
         clock, _, twist, later = self.taken
-        clock.now += twist + (later if time > 1 else 0.0)
+        clock.sleep(twist + (later if time > 1 else 0.0))
         return super().twist(time, pose, reference)
 
 
@@ -88,10 +79,10 @@ def test_each_control_step_of_a_run_is_timed(clock, taken, median, worst):
 def test_the_law_is_part_of_a_control_step(clock):
     class Learning(FixedLaw):
         def observe(self, omega, duration, estimate):
-            clock.now += 0.01
+            clock.sleep(0.01)
 
         def law(self):
-            clock.now += 0.02
+            clock.sleep(0.02)
             return self.known
 
     steps = steps_of(Feedforward(), Learning(LAW.known))
