@@ -16,6 +16,7 @@ from hypothesis import settings
 
 from sim.robot.robot import Robot, load_robot
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.families import FAMILIES
 from trackslip.localization.scan import Plate, Scan
 
 settings.register_profile("trackslip", deadline=None, max_examples=15)  # a busy machine is no error
@@ -52,6 +53,15 @@ def robot() -> Robot:
 @pytest.fixture
 def geometry() -> RobotGeometry:
     return RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
+
+
+@pytest.fixture
+def few_laws(monkeypatch):
+    """Fits of three laws to steady samples, for tests of what all laws share: others take
+    seconds.
+    """
+    laws = {name: FAMILIES[name] for name in ("none", "icr_radius", "diff_drive")}
+    monkeypatch.setattr("trackslip.identification.steady.FAMILIES", laws)
 
 
 @pytest.fixture(scope="session")

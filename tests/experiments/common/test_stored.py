@@ -15,6 +15,7 @@ from experiments.cli import main
 from experiments.common.stored import RecordedOutput
 from trackslip.files import read_manifest
 
+pytestmark = pytest.mark.usefixtures("few_laws")
 ROOT = Path(__file__).parents[3]
 LOG = ROOT / "examples" / "logs" / "maxxii.csv"
 IDENTIFY = ("identify", "mine.csv", "--half-gauge", "0.2", "--sprocket-radius", "0.1")

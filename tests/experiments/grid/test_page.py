@@ -3,10 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.common.page import Plot
 from experiments.grid.page import page, radius_chart, slip_charts
 from experiments.grid.summary import RunGrid
-
-pytestmark = pytest.mark.usefixtures("with_figures")
 
 
 def row(radius, speed=0.1, *, slip=(-0.1, 0.05), error=None, **more):
@@ -43,6 +42,7 @@ def test_slip_over_radius_has_the_mean_of_the_speeds():
     np.testing.assert_allclose(outer.curves[1].y, [0.05, 0.05])
 
 
+@pytest.mark.usefixtures("with_figures")
 def test_one_run_has_a_page_with_its_answer():
     found = page_of([row(1.0)])
     facts = dict(found.answer.facts)
@@ -63,6 +63,7 @@ def test_failed_runs_are_warned_of_first_and_listed():
     assert "radius=2.0 speed=0.1: the robot tips over" in text
 
 
+@pytest.mark.usefixtures("with_figures")
 def test_runs_without_slips_are_an_alarm_and_have_no_figures():
     found = page_of([row(1.0, slip=None, note="run left out")])
     assert found.answer.alarms == ["No run gave a slip"]
@@ -80,6 +81,7 @@ def test_grids_of_a_sweep_are_told_apart_by_their_axes():
     looks = {(curve.colour, curve.dashes) for curve in radius_chart(grids).curves}
     assert len(looks) == len(labels) == 25
     ground = {"along": 0.7, "across": 0.8}
-    text = page_of([row(1.0)], axes, {"seed": 0, "ground": ground}).html()
-    assert "The first 24 of 40 grids are drawn." in text
-    assert "friction 0.7 along" not in text.partition("How it was made")[0]
+    found = page_of([row(1.0)], axes, {"seed": 0, "ground": ground})
+    captions = {block.name: block.caption for block in found.blocks if isinstance(block, Plot)}
+    assert "The first 24 of 40 grids are drawn." in captions["slip_over_radius"]
+    assert "friction 0.7 along" not in found.html().partition("How it was made")[0]

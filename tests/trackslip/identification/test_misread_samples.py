@@ -7,8 +7,8 @@ import pytest
 from trackslip.errors import LogError
 from trackslip.identification.identify import identify
 from trackslip.kinematics import RobotGeometry
-from trackslip.laws.families import FAMILIES
 
+pytestmark = pytest.mark.usefixtures("few_laws")
 GEOMETRY = RobotGeometry(0.25, 0.08)
 TWIST = np.array(
     [
@@ -25,13 +25,6 @@ TWIST = np.array(
 )
 SPOT = TWIST[[6, 7, 6, 7]]
 RPM = 30 / np.pi
-
-
-@pytest.fixture(autouse=True)
-def few_laws(monkeypatch):
-    """A few laws, because samples are read in the same way for all."""
-    laws = {name: FAMILIES[name] for name in ("none", "icr_radius", "diff_drive")}
-    monkeypatch.setattr("trackslip.identification.steady.FAMILIES", laws)
 
 
 def table(driven=TWIST, separation=1.4):
