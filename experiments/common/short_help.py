@@ -2,6 +2,7 @@
 
 import ast
 import dataclasses
+import functools
 import inspect
 import textwrap
 import typing
@@ -57,6 +58,7 @@ def _without_annotation(hint: Any) -> Any:
     return hint.__origin__ if _annotations(hint) else hint
 
 
+@functools.cache
 def _docstrings(kind: type) -> dict[str, str]:
     """The docstrings of a dataclass's fields by name, each on one line."""
     docstrings = {}
