@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import cycle
 from math import degrees, nan
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ from experiments.calibrate.calibration import parameter_table
 from experiments.common import style
 from experiments.common.chart import WIDE, Chart, dots, law_curve
 from experiments.common.check import Check, checks_table
-from experiments.common.colours import BLACK, GREY
+from experiments.common.colours import BLACK, GREY, VERMILLION
 from experiments.common.laws import law_cell, shown
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.table import Cell, Table, number, percent, significant
@@ -47,6 +48,8 @@ _BEGINS: Final = (
     "The drive that goes far and turns most. Every path begins at its first measured pose, "
     "or fits all positions."
 )
+# colours of laws that are there again; no law in `experiments.common.laws` has them
+OTHER_COLOURS: Final = (VERMILLION, "#882255", "#525252")
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class Report:
 
         drive = max(best.errors.trajectories, key=_extent)
         draw_errors = partial(_errors_ahead, self.predictions)
-        draw_paths = partial(_paths, self.predictions, drive.name)
+        draw_paths = partial(path_chart, self.predictions, drive.name)
         plots = [
             Plot("errors_ahead", draw_errors, "Errors of all models", _DOTS),
             Plot("paths", draw_paths, f"Paths of {drive.name}", _BEGINS),
@@ -223,13 +226,23 @@ def _errors_ahead(predictions: Sequence[Prediction]) -> style.Panels:
     return tuple(figures)
 
 
-def _paths(predictions: Sequence[Prediction], name: str) -> Chart:
-    """Measured and predicted paths of a drive."""
+def path_chart(predictions: Sequence[Prediction], name: str) -> Chart:
+    """Measured and predicted paths of a drive.
+
+    Each law has its colour. A law that is there again, as with a gyro or from another file, has
+    another one.
+    """
     measured = predictions[0].drive(name).measured
     rows = style.thin(len(measured), 1500)
     curves = [dots(measured[rows], "measured", BLACK)]
+    others = cycle(OTHER_COLOURS)
+    drawn = set()
     for prediction in predictions:
         path = prediction.drive(name).placed[rows]
         model = prediction.model
-        curves.append(law_curve(path[:, 0], path[:, 1], model.name, model.label))
+        curve = law_curve(path[:, 0], path[:, 1], model.name, model.label)
+        if model.name in drawn:
+            curve = replace(curve, colour=next(others))
+        drawn.add(model.name)
+        curves.append(curve)
     return Chart("", "x [m]", "y [m]", curves, 5.4, WIDE, is_map=True)
