@@ -73,7 +73,7 @@ class StepTimes:
         if self.p99 > period:
             return f"{name} takes {self} a step, {due}"
         if self.worst > period:
-            return f"{name} is late now and then: it takes {self} a step, {due}"
+            return f"{name} is late in at most 1 % of the steps: it takes {self} a step, {due}"
         return None
 
     def __str__(self) -> str:
