@@ -7,11 +7,10 @@ from typing import Any, Final
 from experiments.benchmark.cases import plant_ranges
 from experiments.common.lookup import find_own_modules
 from experiments.train.config import TRAVERSE, Config
-from sim.ground.ground import load_ground
 from sim.motors.motor import Drive, or_tireless
-from sim.path_tracking.config import TrackingReward
+from sim.path_tracking.config import EnvConfig, TrackingReward
 from sim.policy import Network, Policy, TrackingPolicy
-from sim.robot.named import SHIPPED, load_parameters
+from sim.robot.named import SHIPPED
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS
 
@@ -90,15 +89,14 @@ def _path_tracking(config: Config) -> LearningTask:
     from sim.sb3 import Corrections, PathTrackingVecEnv  # late, as PyTorch takes seconds
 
     robot = config.robot or SHIPPED
-    parameters, own_ground = load_parameters(robot)
-    plants = plant_ranges(parameters)
-    grounds = [own_ground if name == "robot" else load_ground(name) for name in config.grounds]
-    if all(ground.soil is not None for ground in grounds):
+    world = EnvConfig(robot=robot, ground=config.grounds)
+    plants = plant_ranges(world.parameters)
+    if world.is_soft:
         plants = plants.on_soft_soil()
     robots = PathTrackingVecEnv(
         config.robots,
         config.threads,
-        robot=parameters,
+        robot=robot,
         reference=config.references,
         ground=config.grounds,
         action="twist",
@@ -116,5 +114,5 @@ def _path_tracking(config: Config) -> LearningTask:
         env=robots.env,
         deviation=-1.2,
         robot=robot,
-        drive=or_tireless(parameters.drive),
+        drive=or_tireless(world.parameters.drive),
     )

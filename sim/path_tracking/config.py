@@ -216,8 +216,7 @@ class EnvConfig(OwnTerms):
         """
         drawn = self.randomization
         if isinstance(drawn, Randomization):
-            are_soft = all(self.load_ground(name).soil is not None for name in self.grounds)
-            has_effect = not are_soft or drawn == drawn.on_soft_soil()
+            has_effect = not self.is_soft or drawn == drawn.on_soft_soil()
             allowed = "without friction_ratio, patches and shear, which soft soil has not"
             require(has_effect, "randomization", drawn, allowed)
         else:
@@ -281,6 +280,11 @@ class EnvConfig(OwnTerms):
         if drawn is not None and drawn[1] > 0:
             return True
         return any(self.load_ground(name).largest_shear > 0 for name in self.grounds)
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether all grounds are soft."""
+        return all(self.load_ground(name).soil is not None for name in self.grounds)
 
     @property
     def sinks(self) -> bool:

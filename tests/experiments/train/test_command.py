@@ -167,6 +167,15 @@ def test_plants_on_soft_soil_vary_in_more_than_friction():
     assert len(np.unique(radius)) > 1
 
 
+def test_the_ground_in_a_robots_file_is_trained_on(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("half_gauge = 0.2\n[ground]\nalong = 0.41\nacross = 0.41\n")
+    sizes = {"robots": 4, "horizon": 8, "batch": 32, "compensation": "none"}
+    task = learning_task(Config(**sizes, robot=str(file), grounds=("robot",)))
+    task.robots.reset()
+    assert {ground.along for ground in task.env.task.fleet.ground} == {0.41}
+
+
 def test_own_rewards_are_named_on_the_command_line_only(trackslip, tmp_path, monkeypatch):
     """The reward of every step is larger by the term, and no file keeps the name of its code."""
     monkeypatch.chdir(tmp_path)
