@@ -105,6 +105,22 @@ def test_meshes_are_found(tmp_path, filename, at, packages):
         assert build_tracked(load_tracked(file)).model.nmesh == 1
 
 
+def test_a_broken_mesh_to_look_at_stops_no_robot(tmp_path):
+    """It is needed neither to find the wheels nor to drive, only for pictures."""
+    shown = [base(look="../meshes/cube.obj"), *rover()[1:]]
+    file = write(tmp_path, shown)
+    mesh = tmp_path / "rover_description" / "meshes" / "cube.obj"
+    mesh.parent.mkdir()
+    mesh.write_text(CUBE)
+    robot = load_tracked(file)
+    assert build_tracked(robot, looks=True).model.nmesh == 1
+    mesh.write_text("v 0 0 0\nf 1 1 1\n")
+    assert load_tracked(file) == robot
+    assert build_tracked(robot).model.nmesh == 0
+    with pytest.raises(TrackslipError, match="vertices required"):
+        build_tracked(robot, looks=True)
+
+
 POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 32184\n"
 ASCII_STL = "solid made by a CAD\n" + "facet normal 0 0 1 outer loop vertex 0 0 0\n" * 9
 PADDLE = (
