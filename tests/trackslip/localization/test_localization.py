@@ -104,6 +104,19 @@ def test_dropouts_cost_accuracy_and_the_covariance_says_so(scan_rectangle):
     assert np.abs(error[:, :2]).max() < 0.1
 
 
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_errors_are_told_even_if_ranges_scatter_more_than_said(scan_rectangle, factor):
+    """Residuals show it: the covariances grow with them, instead of being too small by `factor`."""
+    rng = np.random.default_rng(1)
+    poses = on_circles(rng, turns=2, per_turn=180)
+    scan = replace(scan_rectangle(poses, rng, noise=factor * 0.005), noise=0.005)
+    estimate = LOCATOR.locate(scan)
+    assert estimate.valid.mean() > 0.9
+    _, deviation = errors_of(estimate, poses, estimate.valid)
+    spread = rms(deviation)
+    assert 0.75 < spread.min() < spread.max() < 1.33
+
+
 def test_the_edge_of_the_field_of_view_does_not_place_a_plate(scan_rectangle):
     rng = np.random.default_rng(9)
     bearing = np.radians(rng.uniform(82, 92, 600))
