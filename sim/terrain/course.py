@@ -306,7 +306,7 @@ def look_up(courses: Sequence[Course], points: Array) -> Array:
 
 
 def add_lines(spec: mujoco.MjSpec) -> None:
-    """Add the material LINES, which draws a line every half metre."""
+    """Add the material LINES, which draws a line every metre."""
     spec.add_texture(
         name=LINES,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -317,6 +317,7 @@ def add_lines(spec: mujoco.MjSpec) -> None:
         width=256,
         height=256,
     )
+    # MuJoCo counts repetitions over two metres
     material = spec.add_material(name=LINES, texuniform=True, texrepeat=[2.0, 2.0])
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = LINES
 

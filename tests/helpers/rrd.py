@@ -22,3 +22,14 @@ def component(file: Path, entity: str, name: str) -> tuple[np.ndarray, np.ndarra
             times.append(batch.column("time").cast("int64").to_numpy() / 1e9)
     order = np.argsort(np.concatenate(times))
     return np.concatenate(times)[order], np.concatenate(values)[order]
+
+
+def static(file: Path, entity: str, name: str) -> list:
+    """The values of an entity's component that hold at all times."""
+    for chunk in RrdReader(file).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        column = [c for c in batch.schema.names if c.endswith(f":{name}")]
+        if chunk.is_static and column:
+            (values,) = batch.column(column[0]).to_pylist()
+            return values
+    raise KeyError(f"{entity} has no {name}")

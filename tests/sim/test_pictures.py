@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.terrain import Course, Flat
 from trackslip.errors import InvalidValueError, TrackslipError
 
 TRACKING = "sim:trackslip/PathTracking-v0"
@@ -50,6 +51,30 @@ def test_pictures_show_the_robot_its_path_and_its_trail():
     after = env.render()
     assert pixels(after, "orange") > pixels(before, "orange") + 50
     env.close()
+
+
+@pytest.mark.usefixtures("opengl")
+def test_courses_have_a_line_every_metre():
+    """Seen from above by a camera without perspective, 4 m wide."""
+    course = Course((Flat(5.0),), width=6.0)
+    spec = mujoco.MjSpec()
+    course.add_to(spec)
+    camera = spec.worldbody.add_camera(name="above", pos=[2.5, 0.5, 5.0], fovy=4.0)
+    camera.proj = mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with mujoco.Renderer(model, 400, 400) as renderer:
+        renderer.update_scene(data, "above")
+        picture = renderer.render().astype(float).sum(axis=2)
+    for axis in (0, 1):
+        brightness = picture.mean(axis=axis)
+        darker_than_beside = brightness[4:-4] < brightness[:-8] - 20
+        darker_than_beside &= brightness[4:-4] < brightness[8:] - 20
+        lines = 4 + np.flatnonzero(darker_than_beside)
+        begins = lines[np.diff(lines, prepend=-9) > 1]
+        assert len(begins) in (3, 4)
+        np.testing.assert_allclose(np.diff(begins), 100, atol=1)
 
 
 def test_where_nothing_can_be_drawn_it_says_so(monkeypatch):

@@ -16,6 +16,34 @@ def test_suites_have_every_run_once(suite, runs):
     assert len(set(cases)) == len(cases) == runs
 
 
+def started(start, seed=0):
+    return BenchmarkCase("linear", "none", "paper", "stone", start, seed).start_pose()
+
+
+def test_starts_are_on_the_path_or_where_the_paper_starts():
+    """Secs. IV-B and IV-C."""
+    np.testing.assert_allclose(started("zero"), [0, 0, np.pi / 2], atol=1e-12)
+    np.testing.assert_allclose(started("paper"), [0.3, -0.2, np.pi / 3], atol=1e-12)
+
+
+def test_random_starts_are_spread_evenly_over_a_disc():
+    """Of 15 cm, whose area within a distance d is (d / 15 cm)^2 of the whole; turned by up to 20
+    degrees.
+    """
+    starts = np.array([started("random", seed) for seed in range(300)])
+    place = starts[:, :2] / 0.15
+    area = np.sum(place**2, axis=1)
+    turn = (starts[:, 2] - np.pi / 2) / np.radians(20)
+    # means within four standard errors: uniform on (0, 1), (-1, 1), and over a unit disc
+    error = 4 / np.sqrt(len(starts))
+    assert area.max() < 1
+    assert area.mean() == pytest.approx(0.5, abs=error * np.sqrt(1 / 12))
+    assert np.abs(turn).max() < 1
+    assert np.mean(turn**2) == pytest.approx(1 / 3, abs=error * np.sqrt(4 / 45))
+    assert np.mean(turn) == pytest.approx(0.0, abs=error * np.sqrt(1 / 3))
+    np.testing.assert_allclose(place.mean(axis=0), 0.0, atol=error / 2)
+
+
 @pytest.mark.slow
 def test_a_run_is_the_same_in_any_company(tmp_path):
     """Whichever controllers, compensations and grounds share its fleet; all controllers meet the

@@ -1,5 +1,7 @@
 """Drawbar tests of a grid: what is measured on soft soil, beside theory."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pyarrow.parquet
 import pytest
@@ -9,6 +11,8 @@ from experiments.common.run_table import SOIL_COLUMNS
 from experiments.grid.drawbar import drawbar_charts, drawbar_tests, soil_columns
 from experiments.grid.plan import plan
 from sim import Fleet, Ground, RobotParameters, load_robot, open_loop
+from sim.runs.run_recorder import SINKING, Sinking
+from trackslip.logs.runlog import RunLog, Truth
 
 STRAIGHT = ("--ground", "dry_sand", "--radii", "1000", "--speeds", "0.12")
 PULLS = (0.0, 40.0, 90.0)
@@ -92,6 +96,65 @@ def test_runs_on_firm_ground_have_no_columns_of_soil():
     fleet = Fleet(load_robot(RobotParameters()), np.zeros((1, 3)), Ground())
     (log,) = open_loop(fleet, [2.0, 2.0], 1.0)
     assert soil_columns(log) == {}
+
+
+TIME = np.arange(31) * 0.1
+LATE = TIME >= 1.999  # of 3 s
+
+
+def drawbar_log(belts=0.2, speed=0.18, slip=0.1):
+    """A run with a pull of 20 N on soft soil, whose last third has these speeds [m/s]."""
+    radius = 0.06 * 1.01
+    by_row = LATE[:, None]
+    truth = Truth(
+        pose=np.zeros((31, 3)),
+        twist=np.where(by_row, [speed, 0.0, 0.0], [0.05, 0.0, 0.1]),
+        sinkage=np.where(by_row, [0.01, 0.02], 0.5),
+        resistance=np.where(by_row, [-3.0, -4.0], -100.0),
+        traction=np.where(by_row, [10.0, 12.0], 500.0),
+    )
+    metadata = {
+        "geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},
+        "radius_error": 0.01,
+        "pull": {"force": 20.0},
+        SINKING: asdict(Sinking(sinkage=0.015, resistance=7.0, pitch=0.0, slip=slip)),
+    }
+    omega = np.where(by_row, belts / radius, [9.0, 11.0])
+    return RunLog("by hand", TIME, omega, truth.pose, truth=truth, metadata=metadata)
+
+
+def test_soil_is_measured_over_the_last_third():
+    assert soil_columns(drawbar_log()) == {
+        "sinkage": pytest.approx(0.015),
+        "resistance": pytest.approx(3 + 4),
+        "drawbar_slip": pytest.approx(1 - 0.18 / 0.2),
+        "efficiency": pytest.approx(20 * 0.18 / ((10 + 12) * 0.2)),  # power out over power in
+        "slip_grows": False,
+        "immobilised": False,
+    }
+
+
+@pytest.mark.parametrize(("loss", "grows"), [(0.001, False), (0.003, True)])
+def test_a_slip_that_grows_by_a_hundredth_is_told(loss, grows):
+    """Between the halves of the last third, where the belts run at 0.2 m/s."""
+    last = np.flatnonzero(LATE)[5:]
+    log = drawbar_log()
+    log.truth.twist[last, 0] -= loss
+    row = soil_columns(log)
+    assert row["slip_grows"] == grows
+
+
+def test_robots_that_dig_or_rest_have_no_efficiency():
+    digging = soil_columns(drawbar_log(speed=0.0, slip=1.0))
+    assert digging["immobilised"]
+    assert digging["drawbar_slip"] == 1.0
+    resting = soil_columns(drawbar_log(belts=0.0, speed=0.0))
+    assert not resting["immobilised"]
+    assert resting["drawbar_slip"] is None
+    for row in (digging, resting):
+        assert row["sinkage"] == pytest.approx(0.015)
+        assert row["resistance"] is None
+        assert row["efficiency"] is None
 
 
 @pytest.mark.slow

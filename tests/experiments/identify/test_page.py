@@ -81,6 +81,62 @@ def test_turns_of_all_kinds_and_straight_runs_have_a_page():
             assert_readable(figure)
 
 
+def in_view(axes, x, y):
+    """Whether points (n,) and zero are within the limits of axes, and fill more than half of their
+    height.
+    """
+    left, right = axes.get_xlim()
+    low, high = axes.get_ylim()
+    filled = np.ptp([*y, 0.0]) / (high - low)
+    inside = left <= x.min() < x.max() <= right and low <= min(0, y.min())
+    return inside and max(0, y.max()) <= high and filled > 0.5
+
+
+def test_slips_over_speed_are_those_of_the_runs(found):
+    turns = Turns.of(found.samples, GEOMETRY)
+    inner, outer = figures.slip_against_speed(turns)
+    for track, figure in enumerate((inner, outer)):
+        axes, colours = figure.axes
+        bars, points = axes.collections
+        slip = turns.slip[:, track]
+        np.testing.assert_allclose(points.get_offsets(), np.column_stack([turns.speed, slip]))
+        np.testing.assert_allclose(points.get_array(), turns.radius)
+        assert colours.get_ylabel() == "observed radius R [m]"
+        ends = np.array(bars.get_segments())[..., 1]
+        error = turns.slip_error[:, track]
+        np.testing.assert_allclose(ends, np.column_stack([slip - error, slip + error]))
+        assert in_view(axes, turns.speed, slip)
+    assert inner.axes[0].get_title(loc="left").startswith("Inner")
+    assert outer.axes[0].get_title(loc="left").startswith("Outer")
+
+
+def test_curves_over_radius_are_those_of_the_laws(found):
+    """At the median speed, in turns to the left, whose inner track is the left one."""
+    turns = Turns.of(found.samples, GEOMETRY)
+    laws = {name: found.steady.laws[name].law for name in ("none", "exponential", "icr_radius")}
+    panels = figures.fitted_laws(turns, found.steady, [*laws])
+    laws["published"] = PUBLISHED
+    speed = np.median(found.samples.twist[:, 0])
+    for track, figure in enumerate(panels):
+        axes, *_ = figure.axes
+        lines = {line.get_label(): line for line in axes.get_lines()}
+        runs = lines.pop("runs")
+        slip = turns.slip[:, track]
+        np.testing.assert_allclose(runs.get_xdata(), turns.radius)
+        np.testing.assert_allclose(runs.get_ydata(), slip)
+        assert in_view(axes, turns.radius, slip)
+
+        assert [*lines] == ["icr_radius (best)", "none", "exponential", "published"]
+        widths = [line.get_linewidth() for line in lines.values()]
+        assert widths[0] > max(widths[1:])
+        for label, line in lines.items():
+            radius = line.get_xdata()
+            twist = np.column_stack([np.full(len(radius), speed), speed / radius])
+            expected = laws[label.split()[0]].slip(twist)[:, track]
+            np.testing.assert_allclose(line.get_ydata(), expected)
+            assert radius.min() < turns.radius.min() < turns.radius.max() < radius.max()
+
+
 def test_predictions_begin_at_marked_measured_positions(two_drives):
     curves = {
         curve.label: np.column_stack([curve.x, curve.y])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
-from rrd import component
+from rrd import component, static
 
 from experiments import recorder as recording
 from experiments.cli import main
@@ -76,6 +76,67 @@ def test_recordings_hold_one_run_or_several_side_by_side(driven, tmp_path):
     reader = RrdReader(both)
     assert len(reader.recordings()) == 1
     assert len(reader.blueprints()) == 1
+
+
+def test_data_hold_always_or_at_the_times_of_the_run(driven):
+    folder, (log, _) = driven
+    static_parts = 0
+    for chunk in RrdReader(folder / FILES["none"]).stream():
+        static_parts += chunk.is_static
+        if not chunk.is_static:
+            assert chunk.timeline_names == ["time"]
+            time = chunk.to_record_batch().column("time").cast("int64").to_numpy() / 1e9
+            np.testing.assert_allclose(time, log.time, atol=1e-9)
+    assert static_parts > 20
+
+
+def test_what_does_not_move_is_where_the_log_says(driven):
+    folder, (log, _) = driven
+    file = folder / FILES["none"]
+    lines = {}
+    for name in ("path/driven", "path/estimated", "reference/path"):
+        (points,) = static(file, f"/run/{name}", "strips")
+        lines[name] = np.array(points)[:, :2]
+    np.testing.assert_allclose(lines["path/driven"], log.truth.pose[:, :2], atol=1e-6)
+    np.testing.assert_allclose(lines["path/estimated"], log.pose[log.is_valid, :2], atol=1e-6)
+    # of the circle, 8 s of which are 1.2 m
+    chords = np.linalg.norm(np.diff(lines["reference/path"], axis=0), axis=1)
+    assert chords.sum() == pytest.approx(1.2, rel=1e-3)
+
+    posts = log.metadata["obstacles"]["posts"]
+    centres = np.array(static(file, "/field/posts", "centers"))
+    np.testing.assert_allclose(centres[:, :2], [(post["x"], post["y"]) for post in posts])
+    radii = static(file, "/field/posts", "radii")
+    np.testing.assert_allclose(radii, [post["radius"] for post in posts])
+    heights = np.array(static(file, "/field/posts", "lengths"))
+    np.testing.assert_allclose(centres[:, 2], heights / 2)  # they stand on the ground
+
+    x, y, heading = log.scans.scan.mount
+    (place,) = static(file, "/field/scanner", "translation")
+    np.testing.assert_allclose(place[:2], [x, y])
+    (turn,) = static(file, "/field/scanner", "quaternion")
+    half = heading / 2
+    np.testing.assert_allclose(turn, [0, 0, np.sin(half), np.cos(half)], atol=1e-7)
+
+
+def test_errors_are_where_the_target_is_in_mm_and_degrees(driven):
+    """As the robot sees it, ahead and to the left, and how far it turns away."""
+    folder, (log, _) = driven
+    file = folder / FILES["none"]
+    _, target = component(file, "/run/reference/target", "translation")
+    _, quaternion = component(file, "/run/reference/target", "quaternion")
+    target_heading = 2 * np.arctan2(quaternion[:, 2], quaternion[:, 3])
+    x, y, heading = log.truth.pose.T
+    seen = (target[:, 0] - x + 1j * (target[:, 1] - y)) * np.exp(-1j * heading)
+    _, position = component(file, "/run/error/position", "scalars")
+    np.testing.assert_allclose(position @ [1, 1j], 1e3 * seen, atol=1e-3)
+    _, distance = component(file, "/run/error/distance", "scalars")
+    np.testing.assert_allclose(distance[:, 0], 1e3 * np.abs(seen), atol=1e-3)
+    _, turned = component(file, "/run/error/heading", "scalars")
+    turns = np.exp(1j * np.radians(turned[:, 0]))
+    np.testing.assert_allclose(turns, np.exp(1j * (target_heading - heading)), atol=1e-6)
+    assert static(file, "/run/error/position", "names") == ["ahead", "to the left"]
+    assert static(file, "/run/slip/true", "names") == ["left, true", "right, true"]
 
 
 def rows_of(file: Path, entity: str, name: str) -> list[list]:

@@ -5,6 +5,7 @@ from soft_soil import drive, fleet_on, without_slip_sinkage
 from sim import Fleet, Pull, load_robot, open_loop
 from sim.ground.ground import NAMED_GROUNDS
 from sim.robot.named import load_parameters
+from sim.robot.parameters import SINK
 from sim.runs.run_recorder import SINKING, Sinking
 from trackslip.errors import InvalidValueError
 from trackslip.skid_theory import Wheels, drawbar_curve, roll, slip_for
@@ -33,6 +34,26 @@ def slip_of(fleet, omega, seconds=1.0):
     fleet.advance(seconds)
     travel = omega * HUSKY.sprocket_radius * seconds
     return 1 - (fleet.pose()[:, 0] - before) / travel
+
+
+@pytest.mark.parametrize("rut", [0.0, 0.005, 0.02])
+def test_springs_and_soil_bear_the_same(robot, rut):
+    """Equation (1), to a thousandth, up to a wheel's share of the weight, under which the springs
+    yield by SINK.
+    """
+    grounds = (SAND, NAMED_GROUNDS["lete_sand"], LOAM, REGOLITH)
+    fleet = fleet_on(robot, *grounds)
+    rows = np.arange(len(grounds))
+    ahead, _ = fleet.ruts.by_robot[-2:]
+    pose = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0], (len(grounds), 1))  # upright
+    for share in (0.1, 0.5, 1.0):
+        load = share * WEIGHT / 4
+        depth = np.array([roll(ground.soil, WHEELS, load, rut).rut for ground in grounds])
+        fleet.ruts.forget(rows, np.zeros((len(grounds), 2)))
+        ahead[:] = rut
+        pose[:, 2:3] = -(depth + share * SINK)
+        pressed = fleet.ruts.press(rows, pose)
+        np.testing.assert_allclose(pressed, depth.repeat(4, axis=1), rtol=1e-3)
 
 
 def resistance(fleet):

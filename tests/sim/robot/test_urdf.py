@@ -105,6 +105,24 @@ def test_meshes_are_found(tmp_path, filename, at, packages):
         assert build_tracked(load_tracked(file)).model.nmesh == 1
 
 
+def test_a_broken_mesh_to_look_at_stops_no_robot(tmp_path):
+    """It is needed neither to find the wheels nor to drive, only for pictures."""
+    robots = []
+    for name, content in (("whole", CUBE), ("broken", "v 0 0 0\nf 1 1 1\n")):
+        shown = [base(look=f"../meshes/{name}.obj"), *rover()[1:]]
+        file = write(tmp_path / name, shown)
+        meshes = tmp_path / name / "rover_description" / "meshes"
+        meshes.mkdir()
+        (meshes / f"{name}.obj").write_text(content)
+        robots.append(load_tracked(file))
+    whole, broken = robots
+    assert (broken.half_gauge, broken.hull) == (whole.half_gauge, whole.hull)
+    assert build_tracked(broken).model.nmesh == 0
+    assert build_tracked(whole, looks=True).model.nmesh == 1
+    with pytest.raises(TrackslipError, match="vertices required"):
+        build_tracked(broken, looks=True)
+
+
 POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 32184\n"
 ASCII_STL = "solid made by a CAD\n" + "facet normal 0 0 1 outer loop vertex 0 0 0\n" * 9
 PADDLE = (

@@ -50,6 +50,34 @@ def test_open_loop_logs_what_happened(robot):
         np.testing.assert_allclose(log.truth.power[20:], power, rtol=0.05, atol=0.05)
 
 
+def test_logs_have_the_returns_from_the_plate(robot):
+    """Of closed loops, with all ranges, and of open loops."""
+    path = short_path()
+    fleet = Fleet(robot, path.pose([0.0]))
+    feed = ScannerFeed(LaserScanner(), fleet, kept=True)
+    pilot = Pilot(Feedforward(), [0])
+    (closed,) = closed_loop(fleet, [pilot], path, feed, PlateLocator(robot.plate))
+    fleet, feed = set_up(robot, START[:1])
+    (opened,) = open_loop(fleet, OMEGA[:1], 1.0, feed, PlateLocator(robot.plate))
+    for log in (closed, opened):
+        scans = log.scans
+        cluster = scans.cluster
+        assert scans.plate == robot.plate
+        assert scans.scan.ranges.shape == (0, len(feed.bearings))
+        np.testing.assert_array_equal(cluster.bearing, feed.bearings[scans.beam])
+        assert len(cluster.count) == len(log.time)
+        assert cluster.count.min() > 10
+        # within five standard deviations of the plate, which leans with the robot
+        pose = scans.scan.from_world(log.truth.pose)
+        off_plate = robot.plate.outside(pose, cluster.row, *cluster.positions)
+        assert np.abs(off_plate).max() < 5 * scans.scan.noise + np.abs(log.truth.lean).max()
+    full = closed.scans.full
+    assert full.shape == (len(closed.time), len(feed.bearings))
+    of_plate = full[closed.scans.cluster.row, closed.scans.beam]
+    np.testing.assert_allclose(closed.scans.cluster.range, of_plate, atol=1e-6)
+    assert opened.scans.full is None
+
+
 def test_impulses_of_the_ground_are_the_momentum_gained(robot):
     fleet = Fleet(load_robot(contact_sensors=True), [[0.0, 0.0, 0.0]])
     (log,) = open_loop(fleet, np.array([[3.0, 3.0]]), 0.5, period=0.05)

@@ -49,8 +49,13 @@ SAID = {
 
 
 def messages(kind="right", poses=RECKONED):
+    return odometries(TWISTS[kind], poses)
+
+
+def odometries(twist, poses):
+    """Messages with twists (v, w), each (T,), and poses (T, 3)."""
     made = []
-    for time, where, v, w in zip(TIME, poses.tolist(), *TWISTS[kind], strict=True):
+    for time, where, v, w in zip(TIME[: len(poses)], poses.tolist(), *twist, strict=True):
         topic, name, at, fields = odometry(stamp(time), where)
         twist = {"linear": {"x": float(v)}, "angular": {"z": float(w)}}
         made.append((topic, name, at, fields | {"twist": {"twist": twist}}))
@@ -75,6 +80,46 @@ def test_speeds_are_from_the_pose_whatever_the_twist_is(tmp_path, kind):
         assert said in note
     else:
         assert notes == []
+
+
+AHEAD = path(SPEED, 0 * RATE)
+ON_THE_SPOT = path(0 * SPEED, RATE)
+BOTH = path(SPEED, RATE)
+HALF = np.full(len(TIME), 0.15)
+STEADY = path(2 * HALF, 2 * HALF)
+
+
+@pytest.mark.parametrize(
+    ("poses", "twist", "said"),
+    [
+        pytest.param(AHEAD, (2 * SPEED, RATE), "2 times the distance", id="ahead"),
+        pytest.param(ON_THE_SPOT, (SPEED, RATE / 2), "0.5 times the turn", id="on the spot"),
+        pytest.param(
+            ON_THE_SPOT, (0 * SPEED, RATE * STEP), "it is per message, not per second", id="step"
+        ),
+        pytest.param(
+            BOTH, (1.12 * SPEED, RATE), "1.12 times the distance and 1 times the turn", id="faster"
+        ),
+        pytest.param(
+            BOTH, (SPEED, -RATE), "1 times the distance and -1 times the turn", id="clockwise"
+        ),
+        pytest.param(BOTH, (1.08 * SPEED, 0.92 * RATE), "", id="nearly right"),
+        pytest.param(STEADY[:41], (HALF[:41], HALF[:41]), "", id="2 s"),
+        pytest.param(
+            STEADY[:42],
+            (HALF[:42], HALF[:42]),
+            "0.5 times the distance and 0.5 times the turn",
+            id="more than 2 s",
+        ),
+    ],
+)
+def test_twists_are_compared_with_how_poses_move(tmp_path, poses, twist, said):
+    """Each second, if there are two, by distances and turns where there are any, to a tenth."""
+    notes = []
+    bag = open_bag(write_bag(tmp_path / "run", "mcap", odometries(twist, poses)))
+    read_encoders(bag, CHOICE, notes, LAYOUT)
+    found = [note.split(" (")[1].split(")")[0] for note in notes]
+    assert found == ([said] if said else [])
 
 
 @pytest.mark.parametrize("kind", ["world", "zero"])

@@ -45,21 +45,24 @@ def test_the_controller_moves_and_reckons_as_the_law_says(name):
     np.testing.assert_allclose(reckoned, law.twist(omega, GEOMETRY), rtol=1e-12, atol=1e-12)
 
 
-def test_tracks_with_different_icrs_move_a_point_off_the_middle():
+@pytest.mark.parametrize(("left", "right", "side"), [(0.04, 0.05, "right"), (0.05, 0.04, "left")])
+def test_tracks_with_different_icrs_move_a_point_off_the_middle(left, right, side):
     """Its place is told; the yaw rate and the path of the robot are those of the law."""
-    text = diff_drive_text(STORED, "icr_sides")
-    distance = float(re.search(r"([\d.]+) m to the right of the middle", text)[1])
-    assert distance == pytest.approx(0.005)  # D is 40 mm on the left, 50 mm on the right
+    laws = stored({"icr_sides": EVEN_SIDES | {"offset_left": left, "offset_right": right}})
+    text = diff_drive_text(laws, "icr_sides")
+    distance = float(re.search(rf"([\d.]+) m to the {side} of the middle", text)[1])
+    assert distance == pytest.approx(0.005)  # half the difference of D
     controller = DiffDrive.of(parameters_in(text))
-    law = STORED.laws["icr_sides"]
+    law = laws.laws["icr_sides"]
     omega = law.sprocket_speeds(twists(50), GEOMETRY)
     reckoned = controller.twist(omega)
     real = law.twist(omega, GEOMETRY)
     np.testing.assert_allclose(reckoned[:, 1], real[:, 1], rtol=1e-12, atol=1e-12)
-    start = np.array([0.0, -distance, 0.0])
+    to_the_left = distance if side == "left" else -distance
+    start = np.array([0.0, to_the_left, 0.0])
     ends = advance(start, reckoned, 0.5)
     middle = advance(np.zeros(3), real, 0.5)
-    aside = distance * np.stack([np.sin(middle[:, 2]), -np.cos(middle[:, 2])], axis=-1)
+    aside = to_the_left * np.stack([-np.sin(middle[:, 2]), np.cos(middle[:, 2])], axis=-1)
     np.testing.assert_allclose(ends[:, :2], middle[:, :2] + aside, atol=1e-12)
 
 

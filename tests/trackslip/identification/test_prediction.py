@@ -5,6 +5,7 @@ import pytest
 from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log, fitted, model
 from law_motion import WHITE
 
+from sim.wander.pose_sensor import PoseSensor
 from trackslip.drives.conditioning import drive_of, drives_of
 from trackslip.drives.drive import Drives
 from trackslip.drives.first_look import first_look
@@ -55,6 +56,16 @@ def test_pairs_are_a_horizon_apart_in_one_drive_in_motion():
     assert pairs.drives.drives[1].time[starts_of_second].max() < 10.1
     too_short = pairs_of(drive_log(1, 3.0, EXACT, STILL), horizons=(10.0,))
     assert len(too_short.start) == 0
+
+
+def test_rare_poses_are_paired_with_their_neighbours():
+    """Of poses every 12 s, none are as near as the horizons, of up to 10 s."""
+    rare = PoseSensor(rate=1 / 12)
+    pairs = pairs_of(drive_log(1, 200, rare, STILL))
+    count = len(pairs.drives.time)
+    np.testing.assert_array_equal(pairs.start, np.arange(count - 1))
+    np.testing.assert_array_equal(pairs.end, pairs.start + 1)
+    np.testing.assert_allclose(pairs.horizon, 12.0)
 
 
 @pytest.mark.parametrize("source", [replace(SLAM, position_noise=0.002, heading_noise=0.002), SLAM])

@@ -120,6 +120,42 @@ def test_left_out_radii_are_predicted_as_well_as_the_law_fits():
     assert np.abs(yaw_rate_error).max() < 3e-4
 
 
+@pytest.mark.parametrize(("count", "are_enough"), [(5, False), (6, True)])
+def test_laws_are_compared_from_six_runs_on(count, are_enough):
+    """As intervals take six independent parts; five have no fewer curvatures than it takes."""
+    kappa = np.array([1.6, 0.8, 0.5, 0.4, 0.3, -1.0])[:count]
+    found = compare_laws(samples_of(ICR, kappa, noise=1e-4), GEOMETRY)
+    assert found.best == "icr_radius"
+    assert (found.reason != "the runs are too few to compare laws") == are_enough
+    assert bool(found.score) == are_enough
+
+
+def test_a_run_counts_by_the_inverse_of_its_variance():
+    """A law misses precise runs by 1 %, another misses noisy runs by 2 %."""
+    exact = samples_of(ICR, np.linspace(-2.0, 2.0, 8))
+    speed = GEOMETRY.sprocket_radius * np.abs(exact.omega).max(axis=1)
+    is_noisy = np.arange(8) % 2 == 1
+    deviation = np.where(is_noisy, 3e-3, 1e-3)  # of each track, relative to the faster sprocket
+    # v and w from tracks with equal and independent errors
+    of_twist = np.diag([1 / 2, 1 / (2 * GEOMETRY.half_gauge**2)])
+    covariance = (deviation * speed)[:, None, None] ** 2 * of_twist
+    samples = SlipSamples.of(exact.omega, exact.twist, GEOMETRY, exact.run, covariance)
+    laws = {name: fit_law(name, samples, GEOMETRY) for name in ("icr_radius", "turn_loss")}
+
+    def missing(size):
+        """Twists that miss both tracks by a share (n,) of the faster sprocket."""
+        return samples.twist + np.column_stack([size * speed, np.zeros(8)])
+
+    predicted = {
+        "icr_radius": missing(np.where(is_noisy, 0.0, 0.01)),
+        "turn_loss": missing(np.where(is_noisy, 0.02, 0.0)),
+    }
+    # the laws' own scatter counts as 0.1 %: the variances are 2 and 10 in units of 1e-6
+    score = _ranked(laws, predicted).score
+    assert score["turn_loss"] == pytest.approx(1.0)
+    assert score["icr_radius"] == pytest.approx((1**2 / 2) / (2**2 / 10), rel=1e-3)
+
+
 def test_a_sensor_that_is_turned_on_the_robot_changes_no_speed():
     samples = samples_of(ICR)
     seen = (samples.twist @ [1, 0.2j]) * np.exp(-0.3j)

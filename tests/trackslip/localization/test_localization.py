@@ -11,7 +11,7 @@ from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.scan import Plate, Scan, extract_plate
+from trackslip.localization.scan import Plate, Scan, extract_plate, gather
 
 LOCATOR = PlateLocator()
 PLATE = Plate()
@@ -102,6 +102,19 @@ def test_dropouts_cost_accuracy_and_the_covariance_says_so(scan_rectangle):
     np.testing.assert_allclose(np.median(np.abs(deviation), axis=0), 0.67, atol=0.16)
     assert rms(deviation).max() < 1.7
     assert np.abs(error[:, :2]).max() < 0.1
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_errors_are_told_even_if_ranges_scatter_more_than_said(scan_rectangle, factor):
+    """Residuals show it: the covariances grow with them, instead of being too small by `factor`."""
+    rng = np.random.default_rng(1)
+    poses = on_circles(rng, turns=2, per_turn=180)
+    scan = replace(scan_rectangle(poses, rng, noise=factor * 0.005), noise=0.005)
+    estimate = LOCATOR.locate(scan)
+    assert estimate.valid.mean() > 0.9
+    _, deviation = errors_of(estimate, poses, estimate.valid)
+    spread = rms(deviation)
+    assert 0.75 < spread.min() < spread.max() < 1.33
 
 
 def test_the_edge_of_the_field_of_view_does_not_place_a_plate(scan_rectangle):
@@ -278,6 +291,47 @@ def test_both_parts_of_a_plate_behind_a_post_count(scan_rectangle):
         assert estimate.valid.all()
         _, deviation = errors_of(estimate, poses)
         assert rms(deviation).max() < 1.2
+
+
+@pytest.mark.parametrize(
+    ("beside", "hidden"),
+    [
+        pytest.param([], 0, id="nothing beside it"),
+        pytest.param([8, 8], 0, id="wall far behind"),
+        pytest.param([2, 2, 2, 8], 3, id="post in front of a wall"),
+        pytest.param([2, 2, np.nan], 2, id="post in an open field"),
+        pytest.param([2.94, 2.94, 8], 2, id="object 6 cm in front"),
+        pytest.param([2.96, 2.96, 8], np.inf, id="corner 4 cm in front"),
+        pytest.param([2, 2, 3.1], np.inf, id="plate goes on behind a post"),
+        pytest.param([2] * 10, np.inf, id="post up to the edge of view"),
+        pytest.param([3.1, 8], 0, id="one mixed return"),
+        pytest.param([3.1, 3.6], np.inf, id="two returns as of the plate"),
+    ],
+)
+def test_angles_hidden_beside_a_plate(beside, hidden):
+    """Returns beside a plate at 3 m, by beam, on one side; none on the other. A plate may go on
+    where nothing tells its end.
+    """
+    behind = np.full(10, np.nan)
+    behind[: len(beside)] = beside
+    step = 0.01
+    right_of_it = np.concatenate([np.full(10, np.nan), np.full(10, 3.0), behind])
+    left_of_it = right_of_it[::-1]
+    bearings = step * np.arange(30)
+    scan = Scan(bearings, np.array([right_of_it, left_of_it]), 0.005, np.zeros(3))
+    cluster = gather(scan, np.arange(2), np.repeat([0, 1], 10), np.tile(np.arange(10, 20), 2))
+    expected = np.array([[0, hidden], [hidden, 0]]) * step
+    np.testing.assert_allclose(cluster.hidden, expected)
+
+
+def test_one_return_beside_a_plate_suffices_with_a_background():
+    """Without one, it may be a mixture of plate and wall."""
+    ranges = np.array([[3.0, 3.0, 3.0, 3.1, 8.0, 8.0]])
+    beams = np.arange(3)
+    for background, hidden in ((None, 0.0), (np.full(6, 8.0), np.inf)):
+        scan = Scan(0.01 * np.arange(6), ranges, 0.005, np.zeros(3), background=background)
+        cluster = gather(scan, np.zeros(1, int), np.zeros(3, int), beams)
+        assert cluster.hidden[0, 1] == hidden
 
 
 def test_what_is_always_there_is_not_the_plate(scan_rectangle):

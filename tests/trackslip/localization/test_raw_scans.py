@@ -128,6 +128,18 @@ def test_scans_without_a_plate():
             followed(session)
 
 
+def test_a_plate_must_be_located_in_12_scans():
+    session = drive(commands(), things=room())
+    for count in (11, 12):
+        rows = np.linspace(0, len(session.time) - 1, count).round().astype(int)
+        few = replace(session, time=session.time[rows], ranges=session.ranges[rows])
+        if count < 12:
+            with pytest.raises(LogError, match=r"no plate of .* in its 11 scans"):
+                followed(few)
+        else:
+            assert followed(few).estimate.valid.all()
+
+
 def test_returns_and_beams_follow_rep_117():
     row = np.array([np.nan, np.inf, -np.inf, 0.0, 0.05, 0.1, 5.0, 9.99, 10.0, 11.0], np.float32)
     is_return = [0, 0, 0, 0, 0, 1, 1, 1, 0, 0]
