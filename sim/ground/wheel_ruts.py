@@ -41,7 +41,9 @@ from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.skid_theory import Soil, Wheels, roll
 
-_ROUNDS: Final = 3  # of Newton's method for (1), to a thousandth
+# rounds of Newton's method for (1): to a thousandth up to a wheel's share of the weight, to two
+# thousandths up to three times as much (test_wheel_ruts)
+_ROUNDS: Final = 3
 _POINTS: Final = 8  # points along an arc, of a Gauss-Legendre rule
 _SHORTEST: Final = 1e-4  # smallest distance x' [m]
 _TINY: Final = 1e-30

@@ -38,22 +38,22 @@ def slip_of(fleet, omega, seconds=1.0):
 
 @pytest.mark.parametrize("rut", [0.0, 0.005, 0.02])
 def test_springs_and_soil_bear_the_same(robot, rut):
-    """Equation (1), to a thousandth, up to a wheel's share of the weight, under which the springs
-    yield by SINK.
+    """Equation (1), up to three times a wheel's share of the weight, under which the springs yield
+    by SINK.
     """
     grounds = (SAND, NAMED_GROUNDS["lete_sand"], LOAM, REGOLITH)
     fleet = fleet_on(robot, *grounds)
     rows = np.arange(len(grounds))
     ahead, _ = fleet.ruts.by_robot[-2:]
     pose = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0], (len(grounds), 1))  # upright
-    for share in (0.1, 0.5, 1.0):
+    for share, error in ((0.1, 1e-3), (0.5, 1e-3), (1.0, 1e-3), (3.0, 2e-3)):
         load = share * WEIGHT / 4
         depth = np.array([roll(ground.soil, WHEELS, load, rut).rut for ground in grounds])
         fleet.ruts.forget(rows, np.zeros((len(grounds), 2)))
         ahead[:] = rut
         pose[:, 2:3] = -(depth + share * SINK)
         pressed = fleet.ruts.press(rows, pose)
-        np.testing.assert_allclose(pressed, depth.repeat(4, axis=1), rtol=1e-3)
+        np.testing.assert_allclose(pressed, depth.repeat(4, axis=1), rtol=error)
 
 
 def resistance(fleet):
