@@ -152,6 +152,23 @@ def test_poses_are_compared_up_to_ten_seconds_apart(interval, compared):
     assert np.isfinite(window.turned).any() == compared
 
 
+def test_spins_of_a_sensor_ahead_are_longer_than_any_drive_but_no_jumps():
+    """In windows of 2 s, the robot drives 0.2 m or moves its sensor by 0.8 m; 6 m are a jump."""
+    spins = np.tile([1.0, 0.0, -1.0, 0.0], 10)
+    drive = drive_of(commands=(np.where(spins == 0, 0.1, 0.0), spins), duration=160.0, hold=4.0)
+    pose = drive.pose.copy()
+    pose[:, 0] += 0.5 * np.cos(pose[:, 2])
+    pose[:, 1] += 0.5 * np.sin(pose[:, 2])
+
+    def known_motions(pose):
+        drives, _ = drives_of([log_of(drive, drive.time, pose)])
+        return np.isfinite(windows_of(Drives.of(drives), HUSKY.geometry, 0.0).moved)
+
+    assert known_motions(pose).all()
+    pose[len(pose) // 2 :, 1] += 6.0
+    assert np.sum(~known_motions(pose)) == 1
+
+
 @pytest.mark.parametrize(
     ("speeds", "yaw_rates", "note"),
     [
