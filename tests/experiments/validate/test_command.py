@@ -32,6 +32,23 @@ def test_the_shipped_robot(shipped):
     assert len(shipped.summary["turns"]["slip"][0]) == 25
 
 
+def test_bounds_are_shares_of_what_theory_expects(shipped):
+    shares = {}
+    for check in shipped.summary["checks"]:
+        if isinstance(check["bound"], list):
+            low, high = check["bound"]
+            assert (low + high) / 2 == pytest.approx(check["expected"])
+            shares[check["name"].partition(": ")[2]] = (high - low) / 2 / abs(check["expected"])
+    for name, share in (
+        ("b + D in turns", 0.005),
+        ("b + D on the spot", 0.013),
+        ("sink on level ground", 0.05),
+        ("acceleration sliding downhill", 0.05),
+        ("acceleration sliding sideways", 0.05),
+    ):
+        assert shares[name] == pytest.approx(share, rel=1e-6)
+
+
 @pytest.mark.slow
 def test_a_failed_check_ends_with_1_once_all_is_written(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(checks, "GRAVITY", 12.0)
