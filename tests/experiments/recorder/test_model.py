@@ -7,8 +7,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from experiments.recorder.model import send_geoms
+from experiments.recorder.model import MAX_STONES, TONES, send_geoms, send_paving, send_robot
 from sim.robot.robot import SCANNED_GROUP, VISUAL_GROUP
+from sim.tracks.drawing import BOX, CYLINDER, TrackLook
 
 # a box 20 cm to the left, turned by 90 deg about x
 PLACED = f'pos="0 .2 0" quat="{np.sqrt(0.5)} {np.sqrt(0.5)} 0 0" group="{VISUAL_GROUP}"'
@@ -143,3 +144,83 @@ def test_a_height_field_is_as_high_as_mujocos_rays_find_it(model):
         assert height == pytest.approx(1.0 - below, abs=1e-6)
     assert (found[..., 0].min(), found[..., 0].max()) == pytest.approx((0.7, 1.3))
     assert (found[..., 1].min(), found[..., 1].max()) == pytest.approx((-0.1, 0.1))
+
+
+def paving(within, **options):
+    """Stones around points: corners with the lowest coordinates (n, 2), heights of their tops (n,)
+    and colours (n,).
+    """
+    shapes = {}
+    send_paving(SimpleNamespace(still=shapes.__setitem__), np.array(within), **options)
+    (stones,) = shapes.values()
+    middle = values(stones.centers).reshape(-1, 3)
+    half = values(stones.half_sizes)
+    np.testing.assert_allclose(half[:2], [0.25, 0.25])  # slabs of half a metre
+    return middle[:, :2] - half[:2], middle[:, 2] + half[2], values(stones.colors)
+
+
+def test_stones_pave_three_metres_around_everything_in_two_tones():
+    corner, top, colour = paving([(0.0, 0.2), (1.3, 0.4)])
+    x, y = np.meshgrid(np.arange(-3.0, 4.5, 0.5), np.arange(-3.0, 3.5, 0.5))
+    expected = np.column_stack([x.ravel(), y.ravel()])
+    np.testing.assert_allclose(corner, expected)
+    np.testing.assert_allclose(top, 0.0, atol=1e-7)
+    is_odd = np.rint(2 * expected.sum(axis=1)).astype(int) % 2
+    tones = [packed(*tone, 255) for tone in TONES]
+    np.testing.assert_array_equal(colour, np.array(tones)[is_odd])
+
+
+def test_stones_may_be_lower_left_out_or_too_many():
+    corner, _, _ = paving([(0.0, 0.0)])
+    fewer, top, _ = paving([(0.0, 0.0)], height=-0.2, without=[(0, 0), (-6, 2)])
+    np.testing.assert_allclose(top, -0.2, atol=1e-7)
+    left_out = {tuple(each) for each in corner.tolist()} - {tuple(each) for each in fewer.tolist()}
+    assert left_out == {(0.0, 0.0), (-3.0, 1.0)}
+    far, _, _ = paving([(0.0, 0.0), (1e4, 0.0)])
+    assert np.ptp(far[:, 0]) == 0.5 * (MAX_STONES - 1)
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_bodies_move_with_tracks_that_turn_or_rest(model, turns):
+    """A belt around two wheels that runs 0.1 m, while the body goes ahead and turns left."""
+    time = np.array([0.0, 0.5])
+    half = np.sqrt(0.5)
+    qpos = np.array([[0, 0, 0.1, 1, 0, 0, 0], [0.3, 0.1, 0.1, half, 0, 0, half]])
+    travel = np.array([[0.0], [0.1]])
+    look = TrackLook(np.array([[-0.2, 0.0, 0.05], [0.2, 0.0, 0.05]]), y=0.3, width=0.1)
+    poses = {}
+    still = {}
+    moving = {}
+
+    def shapes(entity, time, counts, solid, *, centers, quaternions):
+        moving[entity] = (time, counts, centers, quaternions)
+
+    recording = SimpleNamespace(
+        poses=lambda entity, *where: poses.__setitem__(entity, where),
+        still=still.__setitem__,
+        shapes=shapes,
+    )
+    tracks = [("left", model.body("shapes").id, look)]
+    send_robot(recording, "run", model, time, qpos, tracks, travel if turns else travel[:1])
+
+    ((at, position, attitude),) = poses.values()
+    assert list(poses) == ["run/robot/shapes"]
+    np.testing.assert_array_equal(at, time)
+    np.testing.assert_allclose(position, qpos[:, :3])
+    np.testing.assert_allclose(attitude, [[0, 0, 0, 1], [0, 0, half, half]])  # w is last
+    assert "run/robot/shapes/body/unset" in still
+
+    pieces = look.pieces(travel[:, 0])
+    for name, kind in (("boxes", BOX), ("wheels", CYLINDER)):
+        mine = pieces.kind == kind
+        entity = f"run/robot/shapes/left/{name}"
+        if turns:
+            times, counts, centres, quaternions = moving[entity]
+            np.testing.assert_array_equal(times, time)
+            np.testing.assert_array_equal(counts, mine.sum())
+            np.testing.assert_allclose(centres, pieces.position[:, mine].reshape(-1, 3))
+            assert quaternions.shape == (2 * mine.sum(), 4)
+        else:
+            centres = values(still[entity].centers).reshape(-1, 3)
+            np.testing.assert_allclose(centres, pieces.position[0, mine], atol=1e-7)
+    assert len(moving) == (2 if turns else 0)
