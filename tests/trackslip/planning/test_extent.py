@@ -231,6 +231,19 @@ def test_pairs_of_spins_to_both_sides_share_the_time(poses_of_route):
     assert 0.3 * 60 - 1e-9 <= of_spins < 0.3 * 60 + longest_leg
 
 
+def test_with_one_stretch_both_pairs_of_spins_are_alike():
+    """Whatever `ends`: there is none between them. Each lasts a quarter of the time, and half of
+    what is too short for a leg more, here of less than 15 s.
+    """
+    route = replace(ROUTE, stretches=1, ends=0.1, spinning=0.5)
+    maneuvers = placed(route, LIMITS, replace(EXACT, slip=(1e-9, 1e-9, 1e-9))).maneuvers
+    first = maneuvers.duration[:2].sum()
+    last = maneuvers.duration[-2:].sum()
+    assert first == last
+    assert 15.0 - 2 / RATE <= first < 15.0 + 15.0 / 2
+    np.testing.assert_allclose(maneuvers.distance[:2], -maneuvers.distance[-2:])
+
+
 @pytest.mark.parametrize("size", [0.3, 1.0])
 def test_a_route_too_large_for_the_area_is_made_to_fill_it(size):
     found = placed(replace(ROUTE, size=size), LIMITS, EXACT)
