@@ -52,6 +52,8 @@ def test_a_table_has_theory_at_the_same_pull(planned):
     rising = slice(test.curve.most + 1)
     efficiency = np.interp(40.0, test.curve.pull[rising], test.curve.efficiency[rising])
     assert pulled[8:10] == ["0.80", f"{efficiency:.2f}"]
+    resistance = np.interp(40.0, test.curve.pull[rising], test.curve.resistance[rising])
+    assert pulled[6:8] == ["2.0", f"{resistance:.1f}"]
     assert pulled[-1] == "slip still grows"
     assert stuck[-1] == "immobilised"
     assert stuck[3] == "-"  # theory has no slip that suffices
@@ -118,6 +120,17 @@ def test_soils_are_tests_of_their_own():
     tests = drawbar_tests(runs, [row(run, 0.01, 0.005) for run in runs])
     assert [test.label for test in tests] == ["ground=dry_sand", "ground=regolith"]
     assert all(test.pull.tolist() == [0.0, 20.0] for test in tests)
+    for test in tests:
+        name, text = test.answer
+        assert name == f"largest pull / weight, {test.label}"
+        assert text.startswith(f"{20 / WEIGHT:.3f} driven; ")
+        assert test.table().title.endswith(f"at the same pull; {test.label}")
+
+
+def test_a_robot_that_no_pull_lets_drive_is_said_to_be_immobilised(planned):
+    rows = [row(run, 1.0, 0.05, immobilised=True) for run in planned]
+    (test,) = drawbar_tests(planned, rows)
+    assert test.answer == ("largest pull / weight", "immobilised by all pulls; 0.635 by theory")
 
 
 def test_runs_on_firm_ground_have_no_columns_of_soil():
