@@ -61,7 +61,7 @@ def test_a_file_counts_as_it_was_when_it_was_read_first(tmp_path):
     assert inputs.digests == {str(log): sha256("first")}
 
 
-def test_ignored_folders_manifests_and_missing_files_are_no_inputs(tmp_path):
+def test_ignored_folders_manifests_and_lost_files_are_no_inputs(tmp_path):
     out = tmp_path / "out"
     with recorded(Inputs([out])) as inputs:
         note_input(written(out / "summary.json", "{}"))

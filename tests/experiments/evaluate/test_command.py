@@ -271,7 +271,7 @@ def test_drives_are_cut_only_if_they_are_fewer_than_the_folds(three_drives, fold
     np.testing.assert_allclose(durations, 72.0 / count, atol=0.15)
 
 
-def test_options_then_the_known_robot_give_a_size_that_a_log_lacks(three_drives):
+def test_options_and_the_known_robot_give_a_size_a_log_lacks(three_drives):
     known = RobotGeometry(0.2, 0.07)
     for options, size in (
         ({}, (0.2, 0.07)),

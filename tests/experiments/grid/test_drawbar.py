@@ -101,7 +101,7 @@ def test_curves_of_several_tests_have_labels_and_colours():
         assert sand == chart.curves[1].colour
 
 
-def test_turns_slopes_firm_ground_and_six_wheels_are_no_drawbar_tests(tmp_path):
+def test_turns_slopes_stone_and_six_wheels_are_no_drawbar_tests(tmp_path):
     """Theory shares the weight among two axles, not three."""
     six_wheels = tmp_path / "rover.toml"
     six_wheels.write_text('contact = "wheels"\naxles = [-0.2, 0, 0.2]\n')
@@ -127,7 +127,7 @@ def test_soils_are_tests_of_their_own():
         assert test.table().title.endswith(f"at the same pull; {test.label}")
 
 
-def test_a_robot_that_no_pull_lets_drive_is_said_to_be_immobilised(planned):
+def test_a_robot_that_no_pull_lets_drive_is_immobilised(planned):
     rows = [row(run, 1.0, 0.05, immobilised=True) for run in planned]
     (test,) = drawbar_tests(planned, rows)
     assert test.answer == ("largest pull / weight", "immobilised by all pulls; 0.635 by theory")

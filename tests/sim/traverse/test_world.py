@@ -133,7 +133,7 @@ def test_flippers_touch_from_above_and_reach_down_behind():
 
 
 @pytest.mark.parametrize(("slope", "pitch"), [(-0.1, 0.4), (0.0, 0.4), (0.2, 0.4), (0.2, 0.3)])
-def test_rear_flippers_push_against_what_the_slope_does_not_explain(slope, pitch):
+def test_rear_flippers_push_against_what_no_slope_explains(slope, pitch):
     """A robot that points upwards by a pitch on an even slope [rad]."""
     front = np.array([True, True, False, False])
     outwards = np.where(front, 1.0, -1.0)

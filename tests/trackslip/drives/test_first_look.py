@@ -152,7 +152,7 @@ def test_poses_are_compared_up_to_ten_seconds_apart(interval, compared):
     assert np.isfinite(window.turned).any() == compared
 
 
-def test_spins_of_a_sensor_ahead_are_longer_than_any_drive_but_no_jumps():
+def test_spins_of_a_sensor_far_ahead_are_no_jumps():
     """In windows of 2 s, the robot drives 0.2 m or moves its sensor by 0.8 m; 6 m are a jump."""
     spins = np.tile([1.0, 0.0, -1.0, 0.0], 10)
     drive = drive_of(commands=(np.where(spins == 0, 0.1, 0.0), spins), duration=160.0, hold=4.0)

@@ -170,7 +170,7 @@ def laws_warned_of(found):
     return {warning.partition(":")[0].removeprefix("law ") for warning in found.warnings}
 
 
-def test_laws_that_cannot_be_fitted_are_named_if_laws_are_compared():
+def test_laws_that_cannot_be_fitted_are_named_in_a_comparison():
     """Four turns don't determine laws of four and five parameters."""
     four_turns = samples_of(ICR, np.array([-0.5, -0.2, 0.2, 0.5]), noise=1e-4)
     found = compare_laws(four_turns, GEOMETRY)
@@ -180,7 +180,7 @@ def test_laws_that_cannot_be_fitted_are_named_if_laws_are_compared():
     assert not unfitted & set(found.laws)
 
 
-def test_where_laws_are_not_compared_only_that_of_the_answer_is_missed():
+def test_without_a_comparison_only_the_answers_law_is_missed():
     """One sample gives two speeds, which is too few for D and the radius."""
     errors = np.tile(np.diag([1e-6, 1e-6]), (1, 1, 1))
     twist = np.array([[0.15, 0.15]])
