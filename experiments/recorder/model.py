@@ -158,7 +158,7 @@ def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarra
 
 def _shape(model: mujoco.MjModel, i: int) -> Any:
     """A geom as a rerun shape in the frame of its body."""
-    kind = model.geom_type[i]
+    kind = mujoco.mjtGeom(int(model.geom_type[i]))
     place = model.geom_pos[i]
     turn = np.roll(model.geom_quat[i], -1)  # rerun has w last
     colour = _bytes(_rgba(model, i))

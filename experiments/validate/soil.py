@@ -73,7 +73,7 @@ def check_soil(checks: Checks) -> None:
 
     gear = replace(on_soil.gear, settlement=SINK)
     slope = min(checks.gentle_slope, math.asin(_SHARES[-1] * largest / gear.weight))
-    _check_straight(checks, soil, gear, slope)
+    check_straight(checks, soil, gear, slope)
     for share in _SHARES:
         _check_pull(checks, soil, gear, share * largest)
     if isinstance(gear, Wheels):
@@ -113,7 +113,7 @@ def _advance(fleet: Fleet, duration: float) -> None:
     fleet.advance(round(duration / fleet.period) * fleet.period)
 
 
-def _check_straight(checks: Checks, soil: Soil, gear: Tracks | Wheels, slope: float) -> None:
+def check_straight(checks: Checks, soil: Soil, gear: Tracks | Wheels, slope: float) -> None:
     """Check sinkage and resistance on the level, and the slip up a slope [rad]."""
     driven = _drive(checks, gear, np.array([0.0, slope]))
     level = drawbar_curve(soil, gear, driven.slip[:1])

@@ -152,7 +152,7 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
     model.tree_sleep_policy[trees] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     # a robot held on a test rig and a conveyor, for example, have no mobility at all
-    rocks = 1.0 if is_conveyor else max(mobility(model, tracks, mass), 1.0)
+    rocks = max(mobility(model, tracks, mass), 1.0)
     grip = preset.grip * preset.regularisation / preset.regularise(gravity, rocks, np.inf)
     place = {int(geom): k for k, geom in enumerate(tracks.geoms)}
     ends = np.stack([model.pair_geom1, model.pair_geom2], axis=1)

@@ -8,7 +8,7 @@ import sys
 import pytest
 from bags import write_bag
 
-from experiments.cli import commands, config_module, main, parse
+from experiments.cli import EXAMPLES, commands, config_module, main, parse
 
 
 def printed_by(capsys, *command):
@@ -64,6 +64,19 @@ def test_a_name_with_a_typo_is_guessed(line, refused):
 
 def test_a_name_that_is_like_no_other_is_not_guessed(refused):
     assert "did you mean" not in refused("grid", "--robot", "xyzzy")
+
+
+@pytest.mark.parametrize("arguments", [[], ["-h"], ["--help"]])
+def test_help_lists_each_command_once_with_what_it_does(arguments, capsys):
+    main(arguments)
+    text, _, examples = capsys.readouterr().out.partition("examples:\n")
+    _, *groups = re.split(r"^([a-z]+):$", text, flags=re.M)
+    headings = groups[::2]
+    assert headings == ["simulate", "identify", "control", "robots", "logs"]
+    listed = [line.split(None, 1) for block in groups[1::2] for line in block.split("\n") if line]
+    assert sorted(listed) == [[name, sentence] for name, sentence in commands().items()]
+    for what, line in EXAMPLES:
+        assert f"  {line}\n      {what}\n" in examples
 
 
 def test_python_m_trackslip_lists_commands_without_imports():

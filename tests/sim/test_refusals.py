@@ -28,7 +28,7 @@ from sim.scanner.scanner import Wall
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
 from sim.wander.pose_sensor import PoseSensor
-from trackslip.errors import InvalidValueError
+from trackslip.errors import Checked, InvalidValueError
 
 NAN = float("nan")
 PATCH = partial(Patch, (0, 1), (0, 1), 1.0, 1.0)
@@ -164,3 +164,9 @@ REFUSED = [
 def test_one_line_names_field_value_and_what_is_allowed(make, arguments, message):
     with pytest.raises(InvalidValueError, match=re.escape(message)):
         make(**arguments)
+
+
+def test_values_that_were_checked_cannot_be_changed_unchecked():
+    settings = [each for each in Checked.__subclasses__() if each.__module__.startswith("sim.")]
+    assert {RobotParameters, Ground, Motor, Drive, Randomization, LaserScanner} <= set(settings)
+    assert [each.__name__ for each in settings if not each.__dataclass_params__.frozen] == []

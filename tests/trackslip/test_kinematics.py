@@ -47,3 +47,16 @@ def test_limiting_keeps_the_curvature(omega):
     np.testing.assert_allclose(limited[0] * omega[1], limited[1] * omega[0], atol=1e-9)
     if np.abs(omega).max() <= 5:
         np.testing.assert_array_equal(limited, omega)
+
+
+@given(arrays(float, (4, 3, 2), elements=st.floats(-20, 20)))
+def test_each_robots_speeds_are_limited_on_their_own(omega):
+    limited = limit_sprocket_speeds(omega, 5.0)
+    alone = [limit_sprocket_speeds(each, 5.0) for each in omega.reshape(-1, 2)]
+    np.testing.assert_array_equal(limited.reshape(-1, 2), alone)
+
+
+def test_a_twist_is_that_of_the_tracks_by_hand():
+    """The right track drives 0.3 m/s, slips by a third and moves by 0.2 m/s; the left one 0.1."""
+    twist = body_twist([0.1 / 0.06, 0.3 / 0.06], [0.0, 1 / 3], GEOMETRY)
+    np.testing.assert_allclose(twist, [0.15, 0.1 / 0.336])

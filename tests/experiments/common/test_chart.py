@@ -62,6 +62,43 @@ def test_a_chart_in_print_is_readable(chart):
     assert [axes.get_ylabel() for axes in figure.axes] == [part.ylabel for part in chart.column]
 
 
+def test_a_chart_in_print_has_the_data_and_looks_of_its_curves():
+    (axes,) = MAP.figure().axes
+    lines = {line.get_label(): line for line in axes.lines}
+    curves = {curve.label: curve for curve in MAP.curves if curve.floor is None}
+    assert set(lines) == set(curves)
+    for label, curve in curves.items():
+        line = lines[label]
+        np.testing.assert_array_equal(line.get_xydata(), np.column_stack([curve.x, curve.y]))
+        assert line.get_color() == curve.colour
+        assert line.get_linewidth() == curve.width
+        assert (line.get_linestyle() == "None") == (curve.width == 0)
+        assert line.get_marker() == curve.marker
+        assert line.get_markersize() == curve.size
+        assert bool(line.get_path_effects()) == bool(curve.edge)
+
+    # the ground is an area down to its floor
+    (area,) = axes.collections
+    corners = area.get_paths()[0].vertices
+    assert corners[:, 1].min() == -1.0
+    assert corners[:, 1].max() == TIME[-1] / 5
+
+
+def test_axes_of_a_chart_in_print_are_as_described():
+    chart = replace(ERRORS, is_log=True, xlim=(1.0, 9.0), ylim=(0.1, 2.0), below=())
+    (axes,) = chart.figure().axes
+    assert (axes.get_title(loc="left"), axes.get_xlabel()) == ("Errors", "time [s]")
+    assert axes.get_yscale() == "log"
+    assert (axes.get_xlim(), axes.get_ylim()) == ((1.0, 9.0), (0.1, 2.0))
+    first, last = ERRORS.figure().axes
+    assert (first.get_xlabel(), last.get_xlabel()) == ("", "time [s]")
+    assert first.get_yscale() == "linear"
+    (span,) = first.patches
+    assert (span.get_x(), span.get_width()) == (2.0, 3.0)
+    assert len(first.lines) == len(ERRORS.curves) + 1  # that of zero
+    assert not last.patches
+
+
 @pytest.mark.parametrize("chart", [MAP, ERRORS])
 def test_both_drawings_have_the_same_legend(chart):
     (legend,) = chart.figure().legends

@@ -13,10 +13,12 @@ from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
 from plain_drives import identified_from, wandered
 
 from experiments.common.plain_json import write_json
+from experiments.evaluate.config import Config
 from experiments.evaluate.data_set import load_data_set
-from experiments.evaluate.log import parts
+from experiments.evaluate.log import parts, read_log
 from trackslip.errors import TrackslipError
 from trackslip.identification.result import identification_to_json
+from trackslip.kinematics import RobotGeometry
 from trackslip.laws.file import save_laws
 from trackslip.logs.logfile import read_runs, write_parquet
 
@@ -250,6 +252,37 @@ def test_one_command_is_in_one_part_and_parts_are_in_order():
     said = r"log.csv: has 4 different commands, too few for folds = 5"
     with pytest.raises(TrackslipError, match=said):
         parts(drives, 5, "log.csv")
+
+
+@pytest.fixture(scope="module")
+def three_drives(tmp_path_factory):
+    """Drives of 24 s in a log that doesn't state the robot's size."""
+    path = tmp_path_factory.mktemp("three") / "log.parquet"
+    drives = [wandered(name=name, duration=24.0, seed=ord(name)) for name in "abc"]
+    write_parquet([replace(drive, metadata={}) for drive in drives], path)
+    return path
+
+
+@pytest.mark.parametrize(("folds", "count"), [(None, 3), (3, 3), (4, 12)])
+def test_drives_are_cut_only_if_they_are_fewer_than_the_folds(three_drives, folds, count):
+    source = read_log(Config((three_drives,), folds=folds), three_drives, GEOMETRY)
+    assert len(source.logs) == count
+    durations = [log.time[-1] - log.time[0] for log in source.logs]
+    np.testing.assert_allclose(durations, 72.0 / count, atol=0.15)
+
+
+def test_options_and_the_known_robot_give_a_size_a_log_lacks(three_drives):
+    known = RobotGeometry(0.2, 0.07)
+    for options, size in (
+        ({}, (0.2, 0.07)),
+        ({"half_gauge": 0.168}, (0.168, 0.07)),
+        ({"sprocket_radius": 0.06}, (0.2, 0.06)),
+        ({"half_gauge": 0.168, "sprocket_radius": 0.06}, (0.168, 0.06)),
+    ):
+        source = read_log(Config((three_drives,), **options), three_drives, known)
+        assert (source.geometry.half_gauge, source.geometry.sprocket_radius) == size
+    with pytest.raises(TrackslipError, match="half_gauge"):
+        read_log(Config((three_drives,)), three_drives, None)
 
 
 @pytest.mark.parametrize(

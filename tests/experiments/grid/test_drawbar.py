@@ -1,7 +1,5 @@
 """Drawbar tests of a grid: what is measured on soft soil, beside theory."""
 
-from dataclasses import asdict
-
 import numpy as np
 import pyarrow.parquet
 import pytest
@@ -11,11 +9,12 @@ from experiments.common.run_table import SOIL_COLUMNS
 from experiments.grid.drawbar import drawbar_charts, drawbar_tests, soil_columns
 from experiments.grid.plan import plan
 from sim import Fleet, Ground, RobotParameters, load_robot, open_loop
-from sim.runs.run_recorder import SINKING, Sinking
 from trackslip.logs.runlog import RunLog, Truth
 
 STRAIGHT = ("--ground", "dry_sand", "--radii", "1000", "--speeds", "0.12")
+GROUNDS = ("--grounds", "regolith", "dry_sand", "--vary", "pull.force=20,0")
 PULLS = (0.0, 40.0, 90.0)
+WEIGHT = 25 * 9.81  # of the shipped robot [N]
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +52,8 @@ def test_a_table_has_theory_at_the_same_pull(planned):
     rising = slice(test.curve.most + 1)
     efficiency = np.interp(40.0, test.curve.pull[rising], test.curve.efficiency[rising])
     assert pulled[8:10] == ["0.80", f"{efficiency:.2f}"]
+    resistance = np.interp(40.0, test.curve.pull[rising], test.curve.resistance[rising])
+    assert pulled[6:8] == ["2.0", f"{resistance:.1f}"]
     assert pulled[-1] == "slip still grows"
     assert stuck[-1] == "immobilised"
     assert stuck[3] == "-"  # theory has no slip that suffices
@@ -66,16 +67,46 @@ def test_charts_mark_immobilised_runs_at_slip_1(planned):
     by_label = {curve.label: curve for curve in pull.curves}
     assert set(by_label) == {"theory", "measured", "slip still grows", "immobilised"}
     np.testing.assert_allclose(by_label["immobilised"].x, [1.0])
-    np.testing.assert_allclose(by_label["slip still grows"].y, [40 / (25 * 9.81)])
-    assert {chart.title for chart in (efficiency, sinkage, resistance)} == {
-        "Tractive efficiency",
-        "Sinkage",
-        "Resistance",
-    }
+    np.testing.assert_allclose(by_label["slip still grows"].y, [40 / WEIGHT])
+    titles = [chart.title for chart in (efficiency, sinkage, resistance)]
+    assert titles == ["Tractive efficiency", "Sinkage", "Resistance"]
 
 
-def test_turns_slopes_and_firm_ground_are_no_drawbar_tests():
+def test_charts_have_the_columns_of_the_runs_and_theory(planned):
+    (test,) = drawbar_tests(planned, rows_of(planned))
+    pull, efficiency, sinkage, resistance = drawbar_charts([test])
+    for chart, unit, values, theory in (
+        (pull, 1 / WEIGHT, [0.0, 40.0, 172.0], test.curve.pull),
+        (efficiency, 1.0, [0.8, 0.8, np.nan], test.curve.efficiency),
+        (sinkage, 1e3, [0.005, 0.0068, 0.05], test.curve.sinkage),
+        (resistance, 1 / WEIGHT, [2.0, 2.0, np.nan], test.curve.resistance),
+    ):
+        by_theory, *measured = chart.curves
+        np.testing.assert_allclose(by_theory.x, test.curve.slip)
+        np.testing.assert_allclose(by_theory.y, np.maximum(unit * theory, 0.0))
+        drawn = [curve.y.item() for curve in measured]
+        np.testing.assert_allclose(drawn, unit * np.array(values))
+
+
+def test_curves_of_several_tests_have_labels_and_colours():
+    runs = plan(parse(["grid", *GROUNDS, "--radii", "1000", "--speeds", "0.1"]))
+    tests = drawbar_tests(runs, [row(run, 0.01, 0.005) for run in runs])
+    for chart in drawbar_charts(tests):
+        labels = [curve.label for curve in chart.curves]
+        of_sand = ["ground=dry_sand, theory", "ground=dry_sand, measured"]
+        of_regolith = ["ground=regolith, theory", "ground=regolith, measured"]
+        assert labels == [*of_sand, *of_regolith]
+        sand, _, regolith, _ = [curve.colour for curve in chart.curves]
+        assert sand != regolith
+        assert sand == chart.curves[1].colour
+
+
+def test_turns_slopes_stone_and_six_wheels_are_no_drawbar_tests(tmp_path):
+    """Theory shares the weight among two axles, not three."""
+    six_wheels = tmp_path / "rover.toml"
+    six_wheels.write_text('contact = "wheels"\naxles = [-0.2, 0, 0.2]\n')
     for options in (
+        (*STRAIGHT, "--robot", str(six_wheels)),
         ("--ground", "dry_sand", "--radii", "1", "--speeds", "0.1"),
         (*STRAIGHT, "--ground.slope", "0.1"),
         ("--ground", "stone", "--radii", "1000", "--speeds", "0.1"),
@@ -85,11 +116,21 @@ def test_turns_slopes_and_firm_ground_are_no_drawbar_tests():
 
 
 def test_soils_are_tests_of_their_own():
-    grounds = ("--grounds", "regolith", "dry_sand", "--vary", "pull.force=20,0")
-    runs = plan(parse(["grid", *grounds, "--radii", "1000", "--speeds", "0.1"]))
+    runs = plan(parse(["grid", *GROUNDS, "--radii", "1000", "--speeds", "0.1"]))
     tests = drawbar_tests(runs, [row(run, 0.01, 0.005) for run in runs])
     assert [test.label for test in tests] == ["ground=dry_sand", "ground=regolith"]
     assert all(test.pull.tolist() == [0.0, 20.0] for test in tests)
+    for test in tests:
+        name, text = test.answer
+        assert name == f"largest pull / weight, {test.label}"
+        assert text.startswith(f"{20 / WEIGHT:.3f} driven; ")
+        assert test.table().title.endswith(f"at the same pull; {test.label}")
+
+
+def test_a_robot_that_no_pull_lets_drive_is_immobilised(planned):
+    rows = [row(run, 1.0, 0.05, immobilised=True) for run in planned]
+    (test,) = drawbar_tests(planned, rows)
+    assert test.answer == ("largest pull / weight", "immobilised by all pulls; 0.635 by theory")
 
 
 def test_runs_on_firm_ground_have_no_columns_of_soil():
@@ -98,63 +139,68 @@ def test_runs_on_firm_ground_have_no_columns_of_soil():
     assert soil_columns(log) == {}
 
 
-TIME = np.arange(31) * 0.1
-LATE = TIME >= 1.999  # of 3 s
+RADIUS = 0.08  # of the sprockets, with an error of 25 % [m]
+BELT = 0.2  # speed of both belts: 2 rad/s on 0.1 m [m/s]
 
 
-def drawbar_log(belts=0.2, speed=0.18, slip=0.1):
-    """A run with a pull of 20 N on soft soil, whose last third has these speeds [m/s]."""
-    radius = 0.06 * 1.01
-    by_row = LATE[:, None]
+def soil_log(slip, *, pull=40.0, turning=2.0, end_slip=0.0):
+    """A straight run of 30 s, in a rut of 7 mm on the left and 9 mm on the right, against 5 and 7 N
+    of compaction. Before its last third, it neither slips nor sinks.
+    """
+    time = np.linspace(0.0, 30.0, 301)
+    is_late = time >= 20.0
+    three = np.zeros((301, 3))
+    speed = np.where(is_late, BELT * (1 - slip), BELT)
+    twist = np.column_stack([speed, 0 * time, 0 * time])
     truth = Truth(
-        pose=np.zeros((31, 3)),
-        twist=np.where(by_row, [speed, 0.0, 0.0], [0.05, 0.0, 0.1]),
-        sinkage=np.where(by_row, [0.01, 0.02], 0.5),
-        resistance=np.where(by_row, [-3.0, -4.0], -100.0),
-        traction=np.where(by_row, [10.0, 12.0], 500.0),
+        pose=three,
+        twist=twist,
+        traction=np.where(is_late[:, None], [20.0, 32.0], 100.0),
+        sinkage=np.where(is_late[:, None], [0.007, 0.009], 0.0),
+        resistance=np.where(is_late[:, None], [-5.0, -7.0], 0.0),
     )
     metadata = {
-        "geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},
-        "radius_error": 0.01,
-        "pull": {"force": 20.0},
-        SINKING: asdict(Sinking(sinkage=0.015, resistance=7.0, pitch=0.0, slip=slip)),
+        "geometry": {"sprocket_radius": RADIUS},
+        "radius_error": 0.25,
+        "pull": {"force": pull},
+        "sinking": {"sinkage": 0.008, "resistance": 12.0, "pitch": 0.0, "slip": end_slip},
     }
-    omega = np.where(by_row, belts / radius, [9.0, 11.0])
-    return RunLog("by hand", TIME, omega, truth.pose, truth=truth, metadata=metadata)
+    omega = np.full((301, 2), turning)
+    return RunLog("a", time, omega, three, truth=truth, metadata=metadata)
 
 
-def test_soil_is_measured_over_the_last_third():
-    assert soil_columns(drawbar_log()) == {
-        "sinkage": pytest.approx(0.015),
-        "resistance": pytest.approx(3 + 4),
-        "drawbar_slip": pytest.approx(1 - 0.18 / 0.2),
-        "efficiency": pytest.approx(20 * 0.18 / ((10 + 12) * 0.2)),  # power out over power in
+def test_columns_are_means_over_the_last_third():
+    """Of 52 N of traction at 0.2 m/s, 10.4 W, a pull of 40 N at 0.15 m/s takes 6 W."""
+    found = soil_columns(soil_log(0.25))
+    assert found == {
+        "sinkage": pytest.approx(0.008),
+        "resistance": pytest.approx(12.0),
+        "drawbar_slip": pytest.approx(0.25),
+        "efficiency": pytest.approx(6.0 / 10.4),
         "slip_grows": False,
         "immobilised": False,
     }
+    assert soil_columns(soil_log(0.25, pull=0.0))["efficiency"] == 0.0
 
 
-@pytest.mark.parametrize(("loss", "grows"), [(0.001, False), (0.003, True)])
-def test_a_slip_that_grows_by_a_hundredth_is_told(loss, grows):
-    """Between the halves of the last third, where the belts run at 0.2 m/s."""
-    last = np.flatnonzero(LATE)[5:]
-    log = drawbar_log()
-    log.truth.twist[last, 0] -= loss
-    row = soil_columns(log)
-    assert row["slip_grows"] == grows
+def test_slip_grows_if_halves_of_the_last_third_differ():
+    """A slip that grows by 0.03 over 10 s is 0.015 higher in the second half than in the first, one
+    that grows by 0.01 is 0.005 higher.
+    """
+    share = np.clip((np.linspace(0.0, 30.0, 301) - 20.0) / 10.0, 0.0, 1.0)
+    assert soil_columns(soil_log(0.1 + 0.03 * share))["slip_grows"]
+    assert soil_columns(soil_log(0.1 - 0.03 * share))["slip_grows"]
+    assert not soil_columns(soil_log(0.1 + 0.01 * share))["slip_grows"]
 
 
-def test_robots_that_dig_or_rest_have_no_efficiency():
-    digging = soil_columns(drawbar_log(speed=0.0, slip=1.0))
-    assert digging["immobilised"]
-    assert digging["drawbar_slip"] == 1.0
-    resting = soil_columns(drawbar_log(belts=0.0, speed=0.0))
-    assert not resting["immobilised"]
-    assert resting["drawbar_slip"] is None
-    for row in (digging, resting):
-        assert row["sinkage"] == pytest.approx(0.015)
-        assert row["resistance"] is None
-        assert row["efficiency"] is None
+def test_what_has_no_meaning_without_motion_is_empty():
+    stuck = soil_columns(soil_log(1.0, end_slip=1.0))
+    assert stuck["immobilised"]
+    assert stuck["drawbar_slip"] == pytest.approx(1.0)
+    assert stuck["resistance"] is stuck["efficiency"] is None
+    parked = soil_columns(soil_log(0.0, turning=0.0))
+    assert parked["sinkage"] == pytest.approx(0.008)
+    assert parked["drawbar_slip"] is parked["resistance"] is parked["efficiency"] is None
 
 
 @pytest.mark.slow

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from command_runs import ran
@@ -7,10 +9,10 @@ from experiments.common.soil import OnSoil
 from experiments.validate import checks, command
 from experiments.validate.checks import Checks, check_sliding, check_turns
 from experiments.validate.measurements import Setup
-from experiments.validate.soil import slip_uphill
+from experiments.validate.soil import check_straight, slip_uphill
 from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import SINK, RobotParameters
 from trackslip.errors import TrackslipError
 from trackslip.skid_theory import Load, drawbar_curve
 
@@ -28,6 +30,23 @@ def test_the_shipped_robot(shipped):
     assert "11 checks passed\n" in shipped.printed
     assert (shipped.manifest["seed"], shipped.manifest["robot"]["half_gauge"]) == (3, 0.168)
     assert len(shipped.summary["turns"]["slip"][0]) == 25
+
+
+def test_bounds_are_shares_of_what_theory_expects(shipped):
+    shares = {}
+    for check in shipped.summary["checks"]:
+        if isinstance(check["bound"], list):
+            low, high = check["bound"]
+            assert (low + high) / 2 == pytest.approx(check["expected"])
+            shares[check["name"].partition(": ")[2]] = (high - low) / 2 / abs(check["expected"])
+    for name, share in (
+        ("b + D in turns", 0.005),
+        ("b + D on the spot", 0.013),
+        ("sink on level ground", 0.05),
+        ("acceleration sliding downhill", 0.05),
+        ("acceleration sliding sideways", 0.05),
+    ):
+        assert shares[name] == pytest.approx(share, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -133,6 +152,23 @@ def test_robots_on_soft_soil_within_bounds(tmp_path, robot, ground, too_steep):
     others = [line.partition(": ")[0] for line in left_out if line not in steep]
     on_wheels = ["turns on the spot"] if robot in ("husky", "warthog") else []
     assert others == [*on_wheels, "loads, sliding and work"]
+
+
+def test_straight_ahead_on_sand_is_as_theory_has_it():
+    """Other checks on soft soil are those of whole commands, which are slow."""
+    found = Checks("robot", Setup(load_parameters("shipped")[0], load_ground("dry_sand")))
+    soil = found.setup.ground.soil
+    gear = replace(OnSoil(found.setup.parameters, soil, Load()).gear, settlement=SINK)
+    check_straight(found, soil, gear, slope=0.1)
+    names = [check.what for check in found.done]
+    assert names == ["sinkage on the level", "resistance on the level", "slip uphill on 5.7°"]
+    assert found.failed == []
+    sinkage, resistance, slip = found.done
+    level = drawbar_curve(soil, gear, [1e-3])
+    assert sinkage.expected == pytest.approx(level.sinkage[0], rel=0.01)
+    assert resistance.expected == pytest.approx(level.resistance[0], rel=0.01)
+    (left,) = drawbar_curve(soil, gear, [slip.expected], 0.1).pull
+    assert left == pytest.approx(0.0, abs=0.001 * gear.weight)
 
 
 @pytest.mark.parametrize("robot", ["shipped", "husky"])

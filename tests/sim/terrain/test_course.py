@@ -15,6 +15,7 @@ from sim.terrain import (
     Step,
 )
 from sim.terrain.course import course_names, load_course, look_up
+from sim.terrain.solids import Box, Grid, Level
 
 
 def look_down(model, points):
@@ -118,6 +119,25 @@ def test_given_heights_are_rows_to_the_left_and_columns_ahead():
     course = Course((HeightField(heights, length=4.0, width=2.0),))
     x, y = np.meshgrid(np.linspace(0.0, 4.0, 5), [-1.0, 0.0, 1.0])
     np.testing.assert_allclose(course.height(x, y), heights, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        Level(x0=1.0, x1=3.0, half_width=0.5, z=0.3),
+        Box(centre=(2.0, 0.0, 0.2), half=(1.0, 0.5, 0.1)),
+        Grid(x0=1.0, length=2.0, width=1.0, heights=np.full((2, 3), 0.3)),
+    ],
+    ids=["level", "box", "grid"],
+)
+def test_solids_end_with_their_edges(solid):
+    """All are from 1 to 3 m ahead, half a metre to both sides, and 0.3 m high."""
+    np.testing.assert_allclose(solid.bounds[:, :2], [[1.0, -0.5], [3.0, 0.5]])
+    tiny = 1e-6
+    on_edges = np.array([(1.0, 0.0), (3.0, 0.0), (2.0, 0.5), (2.0, -0.5), (1.0, 0.5), (3.0, -0.5)])
+    outwards = np.sign(on_edges - [2.0, 0.0])
+    for points, height in ((on_edges, 0.3), (on_edges + tiny * outwards, -np.inf)):
+        np.testing.assert_allclose(solid.height(*points.T), height)
 
 
 def test_elevation_is_height_but_for_edges():

@@ -132,6 +132,27 @@ def test_flippers_touch_from_above_and_reach_down_behind():
     assert rear[2] == pytest.approx(-PUSH * (0.4 - TOLERATED))  # it pushes what leans back
 
 
+@pytest.mark.parametrize(("slope", "pitch"), [(-0.1, 0.4), (0.0, 0.4), (0.2, 0.4), (0.2, 0.3)])
+def test_rear_flippers_push_against_what_no_slope_explains(slope, pitch):
+    """A robot that points upwards by a pitch on an even slope [rad]."""
+    front = np.array([True, True, False, False])
+    outwards = np.where(front, 1.0, -1.0)
+    hinges = np.column_stack([0.2 * outwards, np.tile([0.15, -0.15], 2), np.full(4, 0.08)])
+    shape = FlipperGeometry(
+        hinge=hinges,
+        length=np.full(4, 0.25),
+        radius=np.full(4, 0.05),
+        front=front,
+        rest=np.full(4, 0.1),
+        aside=np.zeros(4),
+    )
+    x = hinges[:, :1] + outwards[:, None] * SAMPLES * 0.25
+    ground = 0.1 + np.tan(slope) * x[None]  # so high that they needn't reach down to it
+    rear = reflex_angles(ground, np.full(1, pitch), np.full((1, 4), 0.08), shape)[0, 2:]
+    unexplained = max(pitch - slope - TOLERATED, 0.0)
+    np.testing.assert_allclose(rear, -PUSH * unexplained - 0.1)
+
+
 def test_flippers_feel_the_ground_under_them_that_courses_have():
     course = Course((Ramp(0.3, 4.0),), start_length=3.0)
     world = Traverse(load_tracked("rescue"), [course], threads=1)

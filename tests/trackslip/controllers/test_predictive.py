@@ -179,6 +179,26 @@ def test_near_the_reference_a_long_horizon_is_the_lqr(speed):
     np.testing.assert_allclose(gains, -wanted, rtol=2e-3, atol=2e-3)
 
 
+def test_samples_are_pairs_and_an_odd_number_is_rounded_up():
+    reference = circle(1.0, 0.15, 40.0)
+    pose = pose_with_error(reference.pose(5.0), np.array([0.01, 0.015, 0.03]))
+    odd, even, more = (
+        PathIntegral(samples=count).twist(5.0, pose, reference) for count in (9, 10, 11)
+    )
+    np.testing.assert_array_equal(odd, even)
+    assert (more != even).any()
+
+
+def test_random_numbers_depend_on_seed_and_time_alone():
+    reference = circle(1.0, 0.15, 40.0)
+    errors = np.array([[0.01, 0.015, 0.03], [0.0, -0.02, 0.1]])
+    pose = pose_with_error(reference.pose(5.0), errors)
+    twist = PathIntegral().twist(5.0, pose, reference)
+    np.testing.assert_array_equal(PathIntegral().twist(5.0, pose[1:], reference), twist[1:])
+    assert (PathIntegral(seed=2).twist(5.0, pose, reference) != twist).any()
+    assert (PathIntegral().twist(5.0 + 1e-6, pose, reference) != twist).any()
+
+
 def test_sampled_tracks_do_not_exceed_their_limit():
     controller = PathIntegral()
     reference = circle(0.7, 0.2, 40.0)

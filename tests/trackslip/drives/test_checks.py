@@ -22,6 +22,8 @@ from plain_drives import (
 
 from trackslip.drives.checks import Check, Verdict, unknown_lines
 from trackslip.drives.first_look import Look
+from trackslip.drives.gains import Window
+from trackslip.drives.misread import Ratios, matches_of, units_check
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
@@ -222,6 +224,90 @@ def test_a_wrong_unit_of_positions_and_a_gear_are_told_apart():
         look_at(pose=POSE * [100, 100, 1])
     (alarm,) = look_at(DRIVE.with_wheels(DRIVE.omega / 20), TIME, POSE).alarms
     assert alarm.line.endswith("check the unit of omega, the gear and sprocket_radius")
+
+
+def window_of(distance, turn, moved, turned):
+    return Window(distance, turn, moved + 0j, turned, np.arange(len(distance)))
+
+
+def test_matches_are_correlations_while_the_wheels_move():
+    """Of poses that move twice as far, at an angle of 60 deg to the robot, and turn the other way;
+    one isn't known.
+    """
+    distance = 0.3 * np.cos(np.arange(20.0))
+    turn = 0.2 * np.sin(np.arange(20.0))
+    moved = 2 * distance * np.exp(1j * np.pi / 3)
+    moved[3] = np.nan
+    found = matches_of(window_of(distance, turn, moved, -turn))
+    np.testing.assert_allclose(found, [1.0, np.cos(np.pi / 3), -1.0])
+
+    # without headings, only the sizes of motions are known
+    unknown = np.full(20, np.nan)
+    found = matches_of(window_of(distance, turn, np.abs(moved), unknown))
+    np.testing.assert_allclose(found[0], 1.0)
+    assert len(found) == 1
+
+    # wheels that move by less than 5 cm or 0.05 rad, rms, tell nothing
+    for of_distance, of_turn, count in ((0.3, 0.3, 2), (0.2, 0.4, 1), (0.2, 0.3, 0)):
+        found = matches_of(window_of(of_distance * distance, of_turn * turn, moved, turn))
+        assert len(found) == count
+
+
+# how much farther the poses seem to move than the wheels, for each wrong unit
+RATIO_OF_UNITS = {
+    "omega_l and omega_r look like deg/s: multiply them by pi/180": np.pi / 180,
+    "omega_l and omega_r look like rpm: multiply them by 2 pi/60": 2 * np.pi / 60,
+    "omega_l and omega_r look like turns per second: multiply them by 2 pi": 2 * np.pi,
+    "omega_l and omega_r look like m/s: divide them by sprocket_radius = 0.165 m": 1 / 0.165,
+    "omega_l and omega_r look like mm/s: divide them by sprocket_radius = 165 mm": 1 / 165,
+    "x and y look like mm: divide them by 1000": 1000.0,
+    "x and y look like cm: divide them by 100": 100.0,
+    "t looks like ms: divide it by 1000": 1e-3,
+    "t looks like µs: divide it by 1e6": 1e-6,
+    "t looks like ns: divide it by 1e9": 1e-9,
+}
+
+
+def units(speed, turn):
+    """The check of units for these ratios of distances and turns to the wheels'."""
+    return units_check([], None, Ratios(speed, turn), HUSKY.geometry)
+
+
+@pytest.mark.parametrize(("line", "ratio"), RATIO_OF_UNITS.items())
+def test_every_wrong_unit_is_found_from_its_factor(line, ratio):
+    """The robot turns half as far as its wheels say, or its turns aren't known."""
+    turn = 0.5 if line.startswith("x and y") else 0.5 * ratio
+    for known_turn in (turn, None):
+        found = units(ratio, known_turn)
+        assert found.verdict is Verdict.FAILS
+        assert f"{ratio:.4g}" in found.line.partition("(")[2]
+        assert line in found.line
+
+
+@pytest.mark.parametrize(
+    ("off", "turn", "fails"),
+    [
+        (1.15, 0.5, True),  # turns tell that omega is right
+        (0.85, 0.5, True),
+        (1.25, 0.5, False),
+        (1.04, None, True),
+        (0.96, None, True),
+        (1.15, None, False),
+        (0.85, None, False),
+    ],
+)
+def test_turns_tell_a_unit_of_positions_from_a_gain(off, turn, fails):
+    """A robot with another gain than 1, and poses in cm."""
+    assert units(100.0 * off, turn).verdict is (Verdict.FAILS if fails else Verdict.HOLDS)
+
+
+def test_turns_that_no_robot_makes_are_no_matter_of_units():
+    rpm = 2 * np.pi / 60
+    for share, fails in ((0.19, False), (0.21, True), (1.24, True), (1.26, False)):
+        verdict = Verdict.FAILS if fails else Verdict.HOLDS
+        assert units(rpm, share * rpm).verdict is verdict
+        assert units(1000.0, share).verdict is verdict
+    assert units(1.0, 0.5).verdict is Verdict.HOLDS
 
 
 def test_speeds_of_the_world_are_not_called_degrees():

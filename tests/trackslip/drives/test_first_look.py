@@ -119,6 +119,30 @@ def test_plain_driving_tells_what_it_can(speeds, yaw_rates, tells, kind):
     require_gain(found.gains.speed, 0.97 if tells_speed else None)
 
 
+@pytest.mark.parametrize(
+    ("left", "right", "side"), [(20, 0, "left"), (1, 19, "right"), (3, 17, None), (10, 10, None)]
+)
+def test_a_tenth_of_all_turns_is_needed_to_the_other_side(left, right, side):
+    """Each turn takes 4 s at 0.4 rad/s, after 4 s straight ahead."""
+    turns = np.repeat([0.4, -0.4], [left, right])
+    yaw_rates = np.column_stack([np.zeros(20), turns]).ravel()
+    drive = drive_of(duration=160.0, commands=(np.full(40, 0.5), yaw_rates))
+    found = look_at(drive, *measured(drive))
+    assert found.left_turns == pytest.approx(1.6 * left, rel=0.02, abs=0.05)
+    assert found.right_turns == pytest.approx(1.6 * right, rel=0.02, abs=0.05)
+    assert found.turns_to_one_side == (side is not None)
+    notes = [note for note in found.notes if note.startswith("turns to the")]
+    told = f"turns to the {side} only: unequal sides and turns can't be told apart"
+    assert notes == ([] if side is None else [told])
+
+
+def test_a_robot_that_does_not_turn_has_no_turns_to_both_sides():
+    drive = drive_of(commands=(np.tile([0.5, -0.3], 20), np.zeros(40)))
+    found = look_at(drive, *measured(drive))
+    assert found.left_turns == found.right_turns == 0.0
+    assert found.turns_to_one_side
+
+
 @pytest.mark.parametrize(("interval", "compared"), [(10.0, True), (10.02, False)])
 def test_poses_are_compared_up_to_ten_seconds_apart(interval, compared):
     drive = drive_of(duration=300.0, yaw_rate=0.1)
@@ -126,6 +150,23 @@ def test_poses_are_compared_up_to_ten_seconds_apart(interval, compared):
     drives, _ = drives_of([log_of(drive, time, pose)])
     window = windows_of(Drives.of(drives), HUSKY.geometry, 0.0)
     assert np.isfinite(window.turned).any() == compared
+
+
+def test_spins_of_a_sensor_far_ahead_are_no_jumps():
+    """In windows of 2 s, the robot drives 0.2 m or moves its sensor by 0.8 m; 6 m are a jump."""
+    spins = np.tile([1.0, 0.0, -1.0, 0.0], 10)
+    drive = drive_of(commands=(np.where(spins == 0, 0.1, 0.0), spins), duration=160.0, hold=4.0)
+    pose = drive.pose.copy()
+    pose[:, 0] += 0.5 * np.cos(pose[:, 2])
+    pose[:, 1] += 0.5 * np.sin(pose[:, 2])
+
+    def known_motions(pose):
+        drives, _ = drives_of([log_of(drive, drive.time, pose)])
+        return np.isfinite(windows_of(Drives.of(drives), HUSKY.geometry, 0.0).moved)
+
+    assert known_motions(pose).all()
+    pose[len(pose) // 2 :, 1] += 6.0
+    assert np.sum(~known_motions(pose)) == 1
 
 
 @pytest.mark.parametrize(
@@ -193,6 +234,18 @@ def test_clocks_that_are_nearly_right_give_a_start_value(late, kind):
     found = look_at(time=TIME + late, pose=without(POSE, kind))
     assert found.clock == pytest.approx(-late, abs=0.05)
     assert found.alarms == ()
+
+
+@pytest.mark.parametrize("pose_step", [0.1, 2.0])
+def test_positions_of_a_robot_that_reverses_tell_its_clocks(pose_step):
+    """Its speed is the same either way, so only its course tells; it turns by half a circle where
+    the robot reverses.
+    """
+    yaw_rates = np.random.default_rng(1).uniform(-0.6, 0.6, 50)
+    drive = drive_of(commands=(np.tile([0.5, -0.5], 25), yaw_rates), hold=8.0, duration=400.0)
+    time, pose = measured(drive, pose_step=pose_step)
+    found = look_at(drive, time + 0.7, without(pose, "positions"))
+    assert found.clock == pytest.approx(-0.7, abs=0.05)
 
 
 def test_a_run_with_another_clock_offset_is_reported():

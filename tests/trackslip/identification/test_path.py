@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from drives import drive_log, model
+from drives import GEOMETRY, ICR, drive_log, model
 
 from trackslip.drives.conditioning import drive_of
 from trackslip.drives.drive import Drives
@@ -80,3 +80,60 @@ def test_each_of_several_drives_moves_as_it_does_alone(clock_offset, lag):
         alone_slope = alone.heading_slope - alone.heading_slope[:, :1]
         np.testing.assert_allclose(slope, alone_slope, atol=1e-9)
         begin += len(drive.time)
+
+
+@pytest.fixture(scope="module")
+def two_drives():
+    return Drives.of([drive_of(drive_log(seed, 6.0)) for seed in range(2)])
+
+
+def test_with_a_lag_headings_follow_the_law_as_a_first_order(two_drives):
+    """The yaw rate x of the robot follows x' = (u - x) / lag from that of the law, u, integrated
+    in small steps by the trapezoidal rule; each drive starts with x = u. Headings are from the
+    drive's first.
+    """
+    lag = 0.3
+    driven = model("icr_radius")
+    values = np.zeros(len(driven.names))
+    values[:2] = ICR.offset, ICR.radius_error
+    values[driven.index("lag")] = lag
+    found = driven.path(values, two_drives, np.array([], int))
+
+    wanted = ICR.twist(two_drives.omega, GEOMETRY)[:, 1]
+    edges = two_drives.edges
+    first = set(two_drives.begins.tolist())
+    heading = [0.0]
+    for k, (u, duration) in enumerate(zip(wanted, np.diff(edges), strict=True)):
+        if k in first:
+            rate = u
+        turned = 0.0
+        short = duration / 50
+        for _ in range(50):
+            step = (u - rate) * short / (lag + short / 2)
+            turned += (rate + step / 2) * short
+            rate += step
+        heading.append(heading[-1] + turned)
+    expected = np.interp(two_drives.time, edges, heading)
+    first_pose = two_drives.first[two_drives.drive]
+    np.testing.assert_allclose(
+        found.heading - found.heading[first_pose], expected - expected[first_pose], atol=1e-6
+    )
+    assert np.ptp(expected) > 1.0
+
+
+def test_derivatives_by_every_parameter_are_differences(two_drives):
+    driven = model("turn_loss")
+    every = np.arange(len(driven.names))
+    values = np.array([0.045, 0.0066, 0.3, 0.1, 0.05, 0.2, 0.013, 0.07, 0.2])
+    found = driven.path(values, two_drives, every)
+    h = 1e-6
+    for k, name in enumerate(driven.names):
+        step = h * (every == k)
+        ahead = driven.path(values + step, two_drives, every)
+        behind = driven.path(values - step, two_drives, every)
+        place = (ahead.place - behind.place) / (2 * h)
+        heading = (ahead.heading - behind.heading) / (2 * h)
+        # that by the lag is itself a difference, over 1 ms
+        atol = 1e-3 if name == "lag" else 1e-7
+        np.testing.assert_allclose(found.place_slope[k], place, atol=atol, err_msg=name)
+        np.testing.assert_allclose(found.heading_slope[k], heading, atol=atol, err_msg=name)

@@ -202,6 +202,32 @@ def test_parameters_without_information_are_not_reported():
         fit_law("exponential", one_radius, GEOMETRY)
 
 
+def laws_warned_of(found):
+    return {warning.partition(":")[0].removeprefix("law ") for warning in found.warnings}
+
+
+def test_laws_that_cannot_be_fitted_are_named_in_a_comparison():
+    """Four turns don't determine laws of four and five parameters."""
+    four_turns = samples_of(ICR, np.array([-0.5, -0.2, 0.2, 0.5]), noise=1e-4)
+    found = compare_laws(four_turns, GEOMETRY)
+    unfitted = laws_warned_of(found)
+    assert unfitted
+    assert unfitted <= {"exponential", "exponential_speed"}
+    assert not unfitted & set(found.laws)
+
+
+def test_without_a_comparison_only_the_answers_law_is_missed():
+    """One sample gives two speeds, which is too few for D and the radius."""
+    errors = np.tile(np.diag([1e-6, 1e-6]), (1, 1, 1))
+    twist = np.array([[0.15, 0.15]])
+    omega = ICR.sprocket_speeds(twist, GEOMETRY)
+    one = SlipSamples.of(omega, twist, GEOMETRY, ["a"], errors)
+    found = compare_laws(one, GEOMETRY)
+    assert found.reason.startswith("laws aren't compared")
+    assert found.expressible == "icr"
+    assert laws_warned_of(found) == {"icr_radius"}
+
+
 def test_one_sample_has_no_interval_of_width_0():
     one = SlipSamples.of(np.array([[5.0, 5.0]]), np.array([[0.3, 0.0]]), GEOMETRY, ["a"])
     with pytest.raises(LogError, match="one sample doesn't show its own error: take 4 or more"):

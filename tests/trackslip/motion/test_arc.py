@@ -5,8 +5,9 @@ import pytest
 import scipy
 
 from trackslip.kinematics import advance, wrap_angle
-from trackslip.motion.arc import fit_arc, poses_on_arc
-from trackslip.motion.steady_twist import long_run_covariance
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.arc import MIN_ARC_POSES, arc, fit_arc, poses_on_arc
+from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance
 
 SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # units of the residuals [m, m, rad]
 TIME = 0.05 * np.arange(-300, 300)  # [s]
@@ -53,3 +54,17 @@ def test_arc_converges_to_a_small_share_of_its_errors(kind, seed):
     errors = np.sqrt(np.diag(covariance))
     missed = parameters - root_near(parameters, pose)
     assert np.abs(missed / errors).max() < 1e-3
+
+
+def test_few_poses_are_closer_to_their_arc_than_to_the_true_one():
+    """Six parameters are fitted to 36 residuals of 12 poses: their variance is 36/30 as large."""
+    time = 0.5 * np.arange(MIN_ARC_POSES)
+    noise = np.random.default_rng(0).normal(size=(len(time), 3)) * [0.002, 0.002, 0.004]
+    pose = advance([1.0, 2.0, 0.5], [0.1, 0.08], time) + noise
+    found = arc(RunLog("a", time, np.ones((len(time), 2)), pose), (-1.0, 100.0))
+
+    parameters, hessian, scores, _ = fit_arc(time - time.mean(), pose)
+    inverse = np.linalg.inv(hessian)
+    of_residuals = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
+    expected = SteadyTwist.of_arc(parameters, of_residuals * 36 / 30)
+    np.testing.assert_allclose(found.covariance, expected.covariance)

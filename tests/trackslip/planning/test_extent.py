@@ -6,18 +6,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from law_motion import LawMotion, SlipVariation
 
-from trackslip.kinematics import RobotGeometry, advance
+from trackslip.kinematics import RobotGeometry, advance, wrap_angle
 from trackslip.laws.icr import ConstantIcr
 from trackslip.planning.limits import DriveLimits, first_knowledge
 from trackslip.planning.route import (
+    BOW,
     GENES,
     RATE,
+    WAYPOINTS,
     YAW_RATE_SHARE,
     Maneuvers,
     Route,
     extent,
     longest_spin,
     path,
+    placed,
 )
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
@@ -139,3 +142,116 @@ def test_a_route_and_its_genes_are_the_same(seed):
     route = Route.of(genes)
     np.testing.assert_array_equal(route.genes, genes)
     assert Route.of(route.genes) == route
+
+
+# of a quarter of the room, 0.375 m, forwards to the one place and in reverse back
+ROUTE = Route(
+    start=0,
+    end=5,
+    backwards=(False, True),
+    bow=(1, -2),
+    spinning=0.3,
+    stretches=2,
+    size=0.25,
+    shrink=0.05,
+)
+
+
+@pytest.fixture(scope="module")
+def poses_of_route():
+    """The placed route, and the poses (n + 1, 3) at the ends of its maneuvers by the law."""
+    found = placed(ROUTE, LIMITS, replace(EXACT, slip=(1e-9, 1e-9, 1e-9)))
+    law = ConstantIcr(EXACT.offset, 0.168)
+    poses = [found.start]
+    for way in found.maneuvers.distance:
+        poses.append(advance(poses[-1], law.twist(way / 0.06, GEOMETRY), 1.0))
+    return found, np.array(poses)
+
+
+def test_the_legs_of_a_route_are_arcs_between_its_places(poses_of_route):
+    found, poses = poses_of_route
+    is_leg = np.abs(found.maneuvers.distance.sum(axis=1)) > 1e-9
+    begins = poses[:-1][is_leg]
+    ends = poses[1:][is_leg]
+    count = len(ends)
+    assert count > 4
+
+    # each place is nearer to the centre by 5 % than the one before
+    shrinkage = 0.95 ** np.arange(count + 1)
+    indices = np.resize([ROUTE.start, ROUTE.end], count + 1)
+    places = 0.375 * shrinkage[:, None] * WAYPOINTS[indices]
+    np.testing.assert_allclose(begins[1:, :2], ends[:-1, :2], atol=1e-12)
+    np.testing.assert_allclose((ends - begins)[:, :2], np.diff(places, axis=0), atol=1e-12)
+
+    # out and back have a bow of 30 and -60 deg; in reverse, the robot points against the chord
+    chord = np.diff(places, axis=0)
+    is_back = np.arange(count) % 2 == 1
+    along = np.arctan2(chord[:, 1], chord[:, 0]) + np.where(is_back, np.pi, 0.0)
+    bow = np.where(is_back, -2 * BOW, BOW)
+    np.testing.assert_allclose(wrap_angle(begins[:, 2] - along + bow), 0.0, atol=1e-9)
+    np.testing.assert_allclose(wrap_angle(ends[:, 2] - along - bow), 0.0, atol=1e-9)
+    driven = found.maneuvers.distance[is_leg].sum(axis=1)
+    np.testing.assert_array_equal(driven < 0, is_back)
+
+
+def test_the_middle_of_a_route_is_that_of_the_area(poses_of_route):
+    found, _ = poses_of_route
+    x, y = path(found.maneuvers, found.start[2], EXACT.extremes[:1])
+    points = np.stack([x[0], y[0]]) + found.start[:2, None]
+    np.testing.assert_allclose(points.min(axis=1), -points.max(axis=1), atol=1e-6)
+    np.testing.assert_allclose(found.places, [points.min(axis=1), points.max(axis=1)], atol=1e-6)
+
+
+def test_pairs_of_spins_to_both_sides_share_the_time(poses_of_route):
+    """Of two stretches: one pair before, one between that is twice as long, one after."""
+    found, _ = poses_of_route
+    distance = found.maneuvers.distance
+    time = found.maneuvers.duration
+    legs = np.flatnonzero(np.abs(distance.sum(axis=1)) > 1e-9)
+    before = slice(0, 2)
+    after = slice(len(distance) - 2, len(distance))
+    middle = legs[len(legs) // 2 - 1] + 1
+    between = slice(middle, middle + 2)
+    for pair, side in ((before, 1), (between, -1), (after, 1)):
+        right = distance[pair, 1]
+        np.testing.assert_allclose(distance[pair, 0], -right)
+        assert right[0] == -right[1]
+        assert np.sign(right[0]) == side
+    first = time[before].sum()
+    second = time[between].sum()
+    third = time[after].sum()
+    assert first == third
+    # speeds that are reached and lost again take time in which whole periods count
+    assert second == pytest.approx(2 * first, abs=4 / RATE)
+    assert time.sum() == pytest.approx(60.0, abs=6 / RATE)
+
+    # no leg more would fit into the rest
+    of_spins = first + second + third
+    longest_leg = np.diff(np.cumsum(time)[legs]).max()
+    assert 0.3 * 60 - 1e-9 <= of_spins < 0.3 * 60 + longest_leg
+
+
+def test_with_one_stretch_both_pairs_of_spins_are_alike():
+    """Whatever `ends`: there is none between them. Each lasts a quarter of the time, and half of
+    what is too short for a leg more, here of less than 15 s.
+    """
+    route = replace(ROUTE, stretches=1, ends=0.1, spinning=0.5)
+    maneuvers = placed(route, LIMITS, replace(EXACT, slip=(1e-9, 1e-9, 1e-9))).maneuvers
+    first = maneuvers.duration[:2].sum()
+    last = maneuvers.duration[-2:].sum()
+    assert first == last
+    assert 15.0 - 2 / RATE <= first < 15.0 + 15.0 / 2
+    np.testing.assert_allclose(maneuvers.distance[:2], -maneuvers.distance[-2:])
+
+
+@pytest.mark.parametrize("size", [0.3, 1.0])
+def test_a_route_too_large_for_the_area_is_made_to_fill_it(size):
+    found = placed(replace(ROUTE, size=size), LIMITS, EXACT)
+    filled = (np.ptp(found.places, axis=0) / LIMITS.room).max()
+    assert filled <= 1
+    assert (filled > 0.9) == (size == 1.0)
+
+
+def test_a_route_without_length_has_no_place():
+    assert placed(replace(ROUTE, end=ROUTE.start), LIMITS, EXACT) is None
+    assert placed(replace(ROUTE, size=0.019), LIMITS, EXACT) is None

@@ -3,6 +3,7 @@ import pytest
 from quadrature import integral_miss, times
 from scipy.special import fresnel
 
+from trackslip.errors import InvalidValueError
 from trackslip.trajectory.named import (
     REFERENCES,
     ClothoidPath,
@@ -12,7 +13,14 @@ from trackslip.trajectory.named import (
     slalom,
     spiral,
 )
-from trackslip.trajectory.path import LIMITS, MotionLimits, ProfiledReference
+from trackslip.trajectory.path import (
+    KNOT_SPACING,
+    LIMITS,
+    MAX_LENGTH,
+    MotionLimits,
+    ParametricPath,
+    ProfiledReference,
+)
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
 from trackslip.trajectory.waypoints import waypoints
 
@@ -38,6 +46,52 @@ def test_figure_eight_is_bernoullis_lemniscate():
     np.testing.assert_allclose(np.abs(w / v), 3 * distance / a**2, atol=1e-9)
     # left round one lobe, right round the other
     assert x[np.argmax(phi)] == pytest.approx(0, abs=2e-2)
+
+
+def parabola(u, order):
+    """u + i u^2 / 2 and its derivatives."""
+    return [u + 0.5j * u**2, 1 + 1j * u, 1j + 0 * u][order]
+
+
+def test_a_parabola_is_followed_by_its_length():
+    """From 0 to u, it is (u sqrt(1 + u^2) + asinh(u)) / 2 long."""
+    path = ParametricPath(parabola, [-1.0, 2.0])
+    u = np.linspace(-1.0, 2.0, 997)
+    from_middle = (u * np.sqrt(1 + u**2) + np.arcsinh(u)) / 2
+    s = from_middle - from_middle[0]
+    pose = path.pose(s)
+    np.testing.assert_allclose(path.parameter(s), u, atol=2e-12)
+    np.testing.assert_allclose(pose[:, 0], u, atol=2e-12)
+    np.testing.assert_allclose(pose[:, 1], u**2 / 2, atol=4e-12)
+    np.testing.assert_allclose(pose[:, 2], np.arctan(u), atol=2e-12)
+    np.testing.assert_allclose(path.curvature(s), (1 + u**2) ** -1.5, atol=1e-11)
+    assert path.knots[-1] == pytest.approx(s[-1], abs=1e-12)
+    assert np.diff(path.knots).max() <= KNOT_SPACING
+    assert len(ParametricPath(parabola, [0.0, 1e-4]).knots) == 3
+
+    start = np.array([3.0, -2.0, 0.5])
+    moved = ParametricPath(parabola, [-1.0, 2.0], start).pose(s)
+    np.testing.assert_allclose(moved[0], start)
+    turn = start[2] - pose[0, 2]
+    along = (pose[:, :2] - pose[0, :2]) @ [1, 1j] * np.exp(1j * turn)
+    np.testing.assert_allclose((moved[:, :2] - start[:2]) @ [1, 1j], along, atol=1e-11)
+    np.testing.assert_allclose(moved[:, 2] - pose[:, 2], turn)
+
+
+def test_a_cusp_is_no_path_but_a_bend_of_a_millimetre_is():
+    def bent(width):
+        """A parabola whose smallest radius is about width^2 / 2; a cusp for a width of 0."""
+
+        def curve(u, order):
+            return [u**2 + 1j * width * u, 2 * u + 1j * width, 2 + 0j * u][order]
+
+        return curve
+
+    ParametricPath(bent(0.045), [-1.0, 1.0])
+    with pytest.raises(InvalidValueError, match=r"turns back sharply at \(0\.000, 0\.000\)"):
+        ParametricPath(bent(0.0), [-1.0, 1.0])
+    with pytest.raises(InvalidValueError, match="length of the path"):
+        ParametricPath(lambda u, order: [u + 0j, 1 + 0j * u, 0j * u][order], [0.0, MAX_LENGTH + 1])
 
 
 def test_slalom_is_a_sine():
