@@ -36,6 +36,7 @@ import numpy as np
 from browser import View, address, browser
 from matplotlib.image import imsave
 from PIL import Image
+from rerun.chunk import RrdReader
 
 from experiments.cli import main as trackslip
 from experiments.cli import parse
@@ -192,7 +193,19 @@ def _rerun() -> Drawing:
     assert log.truth is not None
     poses = _rounded(log.truth.pose[::100], 2)
     (recording,) = (out / "recordings").glob("*.rrd")
-    return Drawing("\n".join([*lines, poses]), partial(_draw_viewer, recording))
+    content = [*lines, poses, *_shapes(recording)]
+    return Drawing("\n".join(content), partial(_draw_viewer, recording))
+
+
+def _shapes(recording: Path) -> list[str]:
+    """What stays in a recording, as the robot's parts: its place, and what it is made of, such as
+    Cylinders3D:radii.
+    """
+    found = set()
+    for chunk in RrdReader(recording).stream():
+        parts = chunk.to_record_batch().schema.names if chunk.is_static else ()
+        found.update(f"{chunk.entity_path} {part}" for part in parts if ":" in part)
+    return sorted(found)
 
 
 def _ruts() -> Drawing:
@@ -205,7 +218,8 @@ def _ruts() -> Drawing:
     depths = _rounded(log.truth.sinkage[::100], 3)
     poses = _rounded(log.truth.pose[::100], 2)
     (recording,) = (out / "recordings").glob("*.rrd")
-    return Drawing(f"{depths}\n{poses}", partial(_draw_viewer, recording))
+    content = [depths, poses, *_shapes(recording)]
+    return Drawing("\n".join(content), partial(_draw_viewer, recording))
 
 
 def _drawbar() -> Drawing:
