@@ -78,6 +78,13 @@ REFUSED = [
     ),
     # references
     (lambda: circle(0.0, 0.1, 10.0), "abs(radius) = 0.0: must be"),
+    (lambda: MotionLimits(half_gauge=-0.1), "half_gauge = -0.1: must be a finite number >= 0"),
+    (lambda: MotionLimits(speed=0.0009), "speed = 0.0009: must be at least 0.001 m/s"),
+    (lambda: MotionLimits(yaw_rate=0.0), "yaw_rate = 0.0: must be a finite number > 0"),
+    (
+        lambda: MotionLimits(acceleration=0.9e-4),
+        "acceleration = 9e-05: must be at least 0.0001 m/s^2",
+    ),
     (lambda: MotionLimits(track_speed=1e-4), "track_speed = 0.0001: must be at least 0.001 m/s"),
     (lambda: waypoints([(0, 0), (1, 1)]), "number of waypoints = 2: must be from 3 to 10000"),
     (

@@ -173,6 +173,35 @@ def test_unusable_files_are_refused_in_a_line(csv, content, message):
     assert str(caught.value).startswith(str(path))
 
 
+STRAIGHT = np.array([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0)])
+
+
+@pytest.mark.parametrize("column", ["x", "y", "yaw", "v"])
+@pytest.mark.parametrize("value", [101.0, -100.01, np.nan])
+def test_a_number_beyond_100_is_named_with_its_point(column, value):
+    table = {"x": STRAIGHT[:, 0], "y": STRAIGHT[:, 1], "yaw": np.zeros(3), "v": np.full(3, 0.1)}
+    table[column] = np.append(table[column][:2], value)
+    points = np.column_stack([table["x"], table["y"]])
+    said = f"point 3, column {column} = {value}: must be from -100 to 100"
+    with pytest.raises(InvalidValueError, match=said):
+        waypoints(points, yaw=table["yaw"], speed=table["v"])
+
+
+def test_numbers_and_ways_may_be_as_large_as_allowed():
+    assert waypoints(STRAIGHT).pose(0.0)[0] == 0
+    with pytest.raises(InvalidValueError, match="number of waypoints = 10001: must be from 3 to"):
+        waypoints(np.zeros((10_001, 2)))
+    # five rows of 200 m, a metre apart
+    rows = np.repeat(np.arange(5.0), 2)
+    to_and_fro = 100 * np.array([-1, 1, 1, -1, -1, 1, 1, -1, -1, 1])
+    long = np.column_stack([to_and_fro, rows])
+    with pytest.raises(InvalidValueError, match=r"points = 1004\.0: must be at most 1000 m"):
+        waypoints(long)
+    long[-1, 0] -= 4  # 1000 m: the curve through the points is longer
+    with pytest.raises(InvalidValueError, match="length of the path = "):
+        waypoints(long)
+
+
 def test_missing_files_and_unknown_names_are_refused(tmp_path):
     with pytest.raises(ReferenceFileError, match=r"absent\.csv: no such file"):
         load_reference(tmp_path / "absent.csv")
