@@ -418,9 +418,21 @@ def picture(rows, columns):
 @pytest.mark.parametrize(
     ("text", "content", "said"),
     [
-        (asset('<texture name="t" type="2d" file="a"/>'), picture(20_000, 20_000), "pixels of te"),
-        (asset('<hfield name="h" size="1 1 1 1" file="a"/>'), picture(3000, 3000), "samples of h"),
-        (asset('<hfield name="h" size="1 1 1 1" file="a"/>'), b"\0" * 20_000_000, "samples of h"),
+        (
+            asset('<texture name="t" type="2d" file="a"/>'),
+            picture(20_000, 20_000),
+            "400,000,000 p",
+        ),
+        (
+            asset('<hfield name="h" size="1 1 1 1" file="a"/>'),
+            picture(3000, 3000),
+            "9,000,000 sam",
+        ),
+        (
+            asset('<hfield name="h" size="1 1 1 1" file="a"/>'),
+            b"\0" * 20_000_000,
+            "5,000,000 sam",
+        ),
         (mjcf("", '<flexcomp name="f" type="mesh" file="a"/>'), b"v 0 0 0\n" * 3000, "24,000 byte"),
         (asset('<skin name="h" file="a"/>'), b"\0" * (MAX_FILE + 1), "64,000,001 bytes long"),
     ],
