@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from drives import GEOMETRY, ICR, drive_log
+from drives import EXACT, GEOMETRY, ICR, STILL, drive_log
 from slip_data import grid
 
 from trackslip.errors import InvalidValueError, LogError, TrackslipError
@@ -14,6 +14,7 @@ from trackslip.identification.samples import Sampling
 from trackslip.identification.source import ReadOptions, Source, source_of_runs
 from trackslip.kinematics import advance
 from trackslip.laws.file import load_laws
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
 
 SIZE = {"half_gauge": GEOMETRY.half_gauge, "sprocket_radius": GEOMETRY.sprocket_radius}
@@ -143,6 +144,16 @@ def test_what_a_robot_shows_too_little_of_is_an_alarm():
     assert {alarm.kind for alarm in short.alarms} == {"little"}
     assert np.isnan(short.answer["offset"].low)
     json.dumps(identification_to_json(short))
+
+
+def test_too_little_driving_hides_no_other_alarm():
+    """Of a robot that hardly turns: laws have D of at most fifty half gauges."""
+    stubborn = ConstantIcr(120 * GEOMETRY.half_gauge, GEOMETRY.half_gauge, 0.0)
+    found = identify(drive_log(1, 20, EXACT, STILL, stubborn), GEOMETRY, method="drive")
+    kinds = {alarm.kind for alarm in found.alarms}
+    assert {"little", "units", "bound"} <= kinds
+    # that parts of driving are too few is said already
+    assert "blocks" not in kinds
 
 
 @pytest.mark.parametrize(
