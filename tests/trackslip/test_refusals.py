@@ -70,8 +70,26 @@ REFUSED = [
     (lambda: SlipNoise.of({"slip_turn": 0.1}), "noise = ['slip_turn']: must be a mapping with"),
     (
         lambda: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])),
-        "correlations from -1 to 1",
+        "covariance = [[1.0, 2.0], [2.0, 1.0]]: must be symmetric, with correlations from -1 to 1",
     ),
+    (
+        lambda: LawErrors(("a", "b"), np.array([[1.0, 0.5], [0.4, 1.0]])),
+        "covariance = [[1.0, 0.5], [0.4, 1.0]]: must be symmetric",
+    ),
+    (
+        lambda: LawErrors(("a", "b"), np.eye(3)),
+        "covariance = (3, 3): must be of shape (2, 2), as there are 2 names",
+    ),
+    (
+        lambda: LawErrors(("a", "b"), np.diag([1.0, -1.0])),
+        "covariance = [[1.0, 0.0], [0.0, -1.0]]: must be finite, with variances >= 0",
+    ),
+    (lambda: LawErrors(("a",), np.array([[np.inf]])), "must be finite, with variances >= 0"),
+    (lambda: Gyro(bias=NAN), "bias = nan: must be a finite number"),
+    (lambda: Gyro(scale=np.inf), "scale = inf: must be a finite number"),
+    (lambda: Gyro(scale_error=-0.1), "scale_error = -0.1: must be a finite number >= 0"),
+    (lambda: SlipNoise(forward=-0.1), "forward = -0.1: must be a finite number >= 0"),
+    (lambda: SlipNoise(turn=np.inf), "turn = inf: must be a finite number >= 0"),
     (
         partial(SlipOdometry(NoSlip(), GEOMETRY, None, OFFSET).update, [1.0, 2.0], 0.1),
         "names = 'offset'",
