@@ -18,6 +18,7 @@ from trackslip.planning.route import (
     extent,
     longest_spin,
     path,
+    placed,
 )
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
@@ -111,6 +112,14 @@ def test_times_are_those_of_trapezoids_and_triangles():
     triangle = 2 * np.sqrt(0.1 / 0.5)
     np.testing.assert_allclose(straight.duration, [trapezoid, triangle], atol=1 / RATE)
     assert (straight.duration >= [10.6, 2 * np.sqrt(0.2)]).all()
+
+
+def test_in_an_open_field_two_legs_take_all_the_way():
+    """Out to the opposite side and back, at top speed all the time: 2 x 9 m of 18 m."""
+    field = replace(LIMITS, area=(1000.0, 1000.0))
+    to_the_opposite_side = Route(1, 7, (False, False), (0, 0), spinning=0.02, stretches=1)
+    ways = placed(to_the_opposite_side, field, EXACT).maneuvers.distance.mean(axis=1)
+    assert ways.max() == pytest.approx(LIMITS.max_speed * LIMITS.duration / 2)
 
 
 def test_yaw_rates_are_limited():
