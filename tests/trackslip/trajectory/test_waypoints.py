@@ -187,6 +187,37 @@ def test_a_number_beyond_100_is_named_with_its_point(column, value):
         waypoints(points, yaw=table["yaw"], speed=table["v"])
 
 
+LINE = np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+
+
+@pytest.mark.parametrize("row", range(3))
+def test_speeds_ahead_are_not_negative(row):
+    speed = np.full(3, 0.1)
+    speed[row] = 0.0
+    waypoints(LINE, speed=speed)
+    speed[row] = -0.1
+    said = f"point {row + 1}, column v = -0.1: must be at least 0, unless a column yaw says reverse"
+    with pytest.raises(InvalidValueError, match=said):
+        waypoints(LINE, speed=speed)
+
+
+def test_speeds_in_reverse_may_have_either_sign():
+    backwards = np.full(3, np.pi)
+    negative = waypoints(LINE, yaw=backwards, speed=np.full(3, -0.1))
+    positive = waypoints(LINE, yaw=backwards, speed=np.full(3, 0.1))
+    assert negative.duration == positive.duration
+    assert negative.twist(negative.duration / 2)[0] == pytest.approx(-0.1)
+    # ahead, and back from the last point
+    there_and_back = np.concatenate([LINE, LINE[1::-1]])
+    speed = [0.1, 0.1, -0.1, -0.1, -0.1]
+    assert waypoints(there_and_back, yaw=np.zeros(5), speed=speed).duration > 0
+    with pytest.raises(InvalidValueError, match=r"point 2, column v = -0\.1: must be at least 0"):
+        waypoints(there_and_back, yaw=np.zeros(5), speed=[0.1, -0.1, -0.1, -0.1, -0.1])
+    # in reverse first, up to the second point, and ahead from there
+    points = [(0.0, 0.0), (1.0, 0.0), (0.5, 0.0), (0.0, 0.0)]
+    assert waypoints(points, yaw=np.full(4, np.pi), speed=[-0.1, -0.1, 0.1, 0.1]).duration > 0
+
+
 def test_numbers_and_ways_may_be_as_large_as_allowed():
     assert waypoints(STRAIGHT).pose(0.0)[0] == 0
     with pytest.raises(InvalidValueError, match="number of waypoints = 10001: must be from 3 to"):
