@@ -106,7 +106,12 @@ def load_data_set(path: Path) -> DataSet:
         if not isinstance(value, str):
             return value
         file = path.parent / value
-        return str(file) if file.exists() else value
+        if file.exists():
+            return str(file)
+        # a law may be one of several in a file
+        name, _, law = value.rpartition(":")
+        file = path.parent / name
+        return f"{file}:{law}" if name and file.exists() else value
 
     for name in table.keys() & {"log", "robot", "ground", "law"}:
         table[name] = beside(table[name])

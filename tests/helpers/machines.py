@@ -37,11 +37,13 @@ def joint(name, kind, parent, child, at, axis="0 1 0", turn="0 0 0", more=""):
     return f'<joint name="{name}" type="{kind}">{ends}{place}{more}</joint>\n'
 
 
-def wheel(name, at, parent="base", radius=0.1, axis="0 1 0", turn="1.5708 0 0", more=""):
+def wheel(
+    name, at, parent="base", radius=0.1, axis="0 1 0", turn="1.5708 0 0", more="", width=0.06
+):
     """A round link on an endless hinge."""
-    shape = f'<geometry><cylinder radius="{radius}" length="0.06"/></geometry>'
+    shape = f'<geometry><cylinder radius="{radius}" length="{width}"/></geometry>'
     collision = f'<collision><origin rpy="{turn}"/>{shape}</collision>'
-    mass = f'<mass value="1.5"/>{inertia_of_box(1.5, 2 * radius, 0.06, 2 * radius)}'
+    mass = f'<mass value="1.5"/>{inertia_of_box(1.5, 2 * radius, width, 2 * radius)}'
     kind = "revolute" if more else "continuous"
     link = f'<link name="{name}"><inertial>{mass}</inertial>{collision}</link>\n'
     return link + joint(f"{name}_joint", kind, parent, name, at, axis, more=more)

@@ -70,14 +70,39 @@ REFUSED = [
     (lambda: SlipNoise.of({"slip_turn": 0.1}), "noise = ['slip_turn']: must be a mapping with"),
     (
         lambda: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])),
-        "correlations from -1 to 1",
+        "covariance = [[1.0, 2.0], [2.0, 1.0]]: must be symmetric, with correlations from -1 to 1",
     ),
+    (
+        lambda: LawErrors(("a", "b"), np.array([[1.0, 0.5], [0.4, 1.0]])),
+        "covariance = [[1.0, 0.5], [0.4, 1.0]]: must be symmetric",
+    ),
+    (
+        lambda: LawErrors(("a", "b"), np.eye(3)),
+        "covariance = (3, 3): must be of shape (2, 2), as there are 2 names",
+    ),
+    (
+        lambda: LawErrors(("a", "b"), np.diag([1.0, -1.0])),
+        "covariance = [[1.0, 0.0], [0.0, -1.0]]: must be finite, with variances >= 0",
+    ),
+    (lambda: LawErrors(("a",), np.array([[np.inf]])), "must be finite, with variances >= 0"),
+    (lambda: Gyro(bias=NAN), "bias = nan: must be a finite number"),
+    (lambda: Gyro(scale=np.inf), "scale = inf: must be a finite number"),
+    (lambda: Gyro(scale_error=-0.1), "scale_error = -0.1: must be a finite number >= 0"),
+    (lambda: SlipNoise(forward=-0.1), "forward = -0.1: must be a finite number >= 0"),
+    (lambda: SlipNoise(turn=np.inf), "turn = inf: must be a finite number >= 0"),
     (
         partial(SlipOdometry(NoSlip(), GEOMETRY, None, OFFSET).update, [1.0, 2.0], 0.1),
         "names = 'offset'",
     ),
     # references
     (lambda: circle(0.0, 0.1, 10.0), "abs(radius) = 0.0: must be"),
+    (lambda: MotionLimits(half_gauge=-0.1), "half_gauge = -0.1: must be a finite number >= 0"),
+    (lambda: MotionLimits(speed=0.0009), "speed = 0.0009: must be at least 0.001 m/s"),
+    (lambda: MotionLimits(yaw_rate=0.0), "yaw_rate = 0.0: must be a finite number > 0"),
+    (
+        lambda: MotionLimits(acceleration=0.9e-4),
+        "acceleration = 9e-05: must be at least 0.0001 m/s^2",
+    ),
     (lambda: MotionLimits(track_speed=1e-4), "track_speed = 0.0001: must be at least 0.001 m/s"),
     (lambda: waypoints([(0, 0), (1, 1)]), "number of waypoints = 2: must be from 3 to 10000"),
     (

@@ -2,12 +2,23 @@ import math
 import re
 import xml.etree.ElementTree as ET
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
-from experiments.common.table import MISSING, Cell, Table, number, percent, significant
+from experiments.common.table import (
+    MISSING,
+    Cell,
+    Table,
+    number,
+    pair,
+    percent,
+    significant,
+    span,
+    stages_text,
+)
 from trackslip.laws.families import FAMILIES
 from trackslip.views.symbols import symbol
 
@@ -73,6 +84,31 @@ def test_a_page_is_sections_of_blocks():
     assert re.findall(r"(?:src|href)=\"(?!#)[^\"]*|url\((?!#)|@import|<link|<script", text) == []
 
 
+def table_of(columns):
+    return Table("Errors", [f"column {k}" for k in range(columns)], [["1"] * columns])
+
+
+def test_tables_of_ten_columns_and_more_are_dense():
+    classes = []
+    for columns in (9, 10):
+        text = Page("A page", "", {}, [Section("S", [table_of(columns)])]).html()
+        (scrolled,) = [each for each in elements(text).iter("div") if each.get("role") == "region"]
+        classes.append(scrolled.get("class"))
+    assert classes == ["scroll", "scroll dense"]
+
+
+def test_a_table_on_the_terminal_has_plain_text(capsys):
+    LAWS.print()
+    title, _, header, _, *rows = (line.rstrip() for line in capsys.readouterr().out.splitlines())
+    assert title.strip() == HOSTILE
+    assert header.split() == ["law", "parameter", "value"]
+    assert [row.split()[-1] for row in rows[:3]] == ["mm", "-", "1"]
+    assert rows[0].split() == ["icr", "D", "-43", "±", "2", "mm"]
+    # text on the left, numbers on the right
+    assert rows[0].startswith(" icr")
+    assert len({len(row) for row in rows[:3]}) == 1
+
+
 def test_names_are_escaped_everywhere():
     blocks = [
         HOSTILE,
@@ -121,3 +157,20 @@ def test_numbers_as_printed():
         "12,346",
     ]
     assert percent(0.0123) == "1.2 %"
+
+
+def test_values_side_by_side_share_a_unit():
+    assert pair(["1.2", "3.4"], "mm") == "1.2 | 3.4 mm"
+    assert pair(["1.2", MISSING], "mm") == f"1.2 | {MISSING} mm"
+    assert pair([MISSING, MISSING], "mm") == f"{MISSING} | {MISSING}"
+
+
+def test_a_span_of_values_is_from_the_least_to_the_largest():
+    assert span(np.array([2.0, 0.12345, 1.0]), "m") == "0.123 to 2 m"
+    assert span(np.array([5.0, 5.0]), "m") == "5 m"
+    assert span(np.array([5.0, 10.0]), "°") == "5 to 10°"
+    assert span(np.array([5.0, 10.0])) == "5 to 10"
+
+
+def test_stages_are_in_seconds():
+    assert stages_text({"fit": 1.26, "draw": 0.1}) == "fit 1.3 s, draw 0.1 s"

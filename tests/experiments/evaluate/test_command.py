@@ -310,6 +310,20 @@ def test_a_bad_file_names_field_value_and_what_is_allowed(tmp_path, text, messag
     assert "mine.toml" in str(caught.value)
 
 
+def test_files_beside_a_data_set_are_found_and_names_stay(tmp_path):
+    for name in ("log.csv", "robot.toml", "soil.toml", "laws.json"):
+        (tmp_path / name).write_text("")
+    text = TOML.replace('["husky"]', '["husky", "robot.toml"]').replace('"ice"', '"soil.toml"')
+    text += 'law = ["none", "laws.json", "laws.json:icr", "absent.json:icr"]\n'
+    (tmp_path / "mine.toml").write_text(text)
+    found = load_data_set(tmp_path / "mine.toml")
+    assert found.log == tmp_path / "log.csv"
+    assert found.robot == ("husky", str(tmp_path / "robot.toml"))
+    assert found.ground == str(tmp_path / "soil.toml")
+    laws = str(tmp_path / "laws.json")
+    assert found.law == ("none", laws, f"{laws}:icr", "absent.json:icr")
+
+
 @pytest.fixture(scope="module")
 def data_set(tmp_path_factory):
     """A data set of the first commands of a Husky, whose bounds all hold."""
@@ -332,7 +346,12 @@ def test_a_data_set_states_models_and_bounds(data_set, tmp_path, refused):
     }
     assert list(heading) == ["today", "two_gains", "icr_radius", "robot"]
     assert heading["two_gains"] < 0.6 * heading["today"]
-    assert [check["holds"] for check in result.summary["checks"]] == [True, True]
+    for check, model in zip(result.summary["checks"], ("icr_radius", "two_gains"), strict=True):
+        assert check["name"] == f"t: {model}, heading_rms"
+        assert check["value"] == heading[model]
+        assert check["bound"] == 0.5
+        assert check["unit"] == "rad"
+        assert check["holds"]
     assert "2 of 2 checks passed" in result.printed
     assert "Best after 1 s: " in (result.folder / "report.html").read_text()
     lines = data_set.read_text().splitlines(keepends=True)

@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,10 +9,11 @@ from slip_data import GEOMETRY, circles, driven, identified
 from experiments.common.page import Answer, Plot
 from experiments.identify import figures
 from experiments.identify.card import LINES, print_card
-from experiments.identify.page import page
+from experiments.identify.page import page, steady_slip, whole_drives
 from experiments.identify.turns import Turns, slip_at
+from trackslip.identification.samples import SlipSamples
 from trackslip.laws.exponential import PUBLISHED
-from trackslip.laws.icr import IcrSides
+from trackslip.laws.icr import ConstantIcr, IcrSides
 
 OF_STEADY = ["fig06_slip_laws", "fig05_slip_over_speed"]
 
@@ -79,6 +81,48 @@ def test_turns_of_all_kinds_and_straight_runs_have_a_page():
             *figures.slip_against_speed(turns),
         ):
             assert_readable(figure)
+
+
+def said_of_steady(twists):
+    """What a page says first of steady stretches with these twists, without noise."""
+    law = ConstantIcr(0.05, GEOMETRY.half_gauge, 0.007)
+    twists = np.array(twists)
+    names = [f"run {k}" for k in range(len(twists))]
+    samples = SlipSamples.of(law.sprocket_speeds(twists, GEOMETRY), twists, GEOMETRY, names)
+    said, *_ = steady_slip(identified(samples, ("none", "icr_radius"))).blocks
+    return said
+
+
+def test_the_page_says_how_many_turns_how_tight_and_how_fast():
+    turns = circles()
+    where = "at observed radii from 0.60 to 3.00 m and speeds from 0.10 to 0.20 m/s"
+    each = ", each with one mean slip per track. A slip law gives"
+    assert said_of_steady(turns).startswith(f"8 turns {where}{each}")
+    one_straight = [*turns, (0.3, 0.0)]
+    others = ", and 1 nearly straight run"
+    assert said_of_steady(one_straight).startswith(f"8 turns {where}{others}{each}")
+    two_straight = [*one_straight, (0.3, 0.01)]
+    others = ", and 2 nearly straight runs"
+    assert said_of_steady(two_straight).startswith(f"8 turns {where}{others}{each}")
+
+
+def test_the_page_says_how_long_the_drives_are(two_drives):
+    """Of 250 and 150 poses, 4 of them wrong, each a second after the one before."""
+    drive = two_drives.drive
+    drives = []
+    for each, count in zip(drive.look.drives, (250, 150), strict=True):
+        drives.append(replace(each, time=np.linspace(1000, 1000 + count, len(each.time))))
+    slower = replace(drive, look=replace(drive.look, drives=tuple(drives)))
+    said, *_ = whole_drives(replace(two_drives, drive=slower)).blocks
+    assert said == "2 drives, 400 s, 396 poses."
+
+
+def test_laws_of_drives_are_compared_if_most_driving_was_steady(two_drives):
+    section = whole_drives(replace(two_drives, method="steady"))
+    said, *_ = section.blocks
+    assert "Most of the driving was steady, so its laws are the result" in said
+    assert section.folded
+    assert not whole_drives(two_drives).folded
 
 
 def in_view(axes, x, y):

@@ -3,10 +3,19 @@
 import os
 import struct
 import warnings
+from pathlib import Path
 
 import pytest
 
-from sim.robot.model_check import MAX_ELEMENTS, MAX_FILE, MAX_TEXT
+from sim.robot.model_check import (
+    MAX_COUNTS,
+    MAX_COUNTS_ANYWHERE,
+    MAX_ELEMENTS,
+    MAX_FILE,
+    MAX_TEXT,
+    MeshSizes,
+    check_model,
+)
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
 from trackslip.errors import TrackslipError
@@ -134,6 +143,87 @@ SIZES = [
 def test_sizes_are_bounded_before_anything_is_built(build, text, said):
     with pytest.raises(TrackslipError, match=said):
         build(text, "robot.urdf" if "<robot" in text else "robot.xml")
+
+
+def checked(text):
+    check_model(text, Path("m") / "robot.xml", ())
+
+
+def repeated(count, more=""):
+    """A model of 4 + 2 `count` elements, and `more`."""
+    return mjcf("", f'{more}<replicate count="{count}"><geom/></replicate>')
+
+
+def nested(count):
+    """Bodies inside each other, inside three other elements."""
+    return mjcf("", "<body>" * count + "</body>" * count)
+
+
+def points(count):
+    """A model of five elements and a soft body, whose points count twice."""
+    return flexible(f'count="{count} 1 1"')
+
+
+def textures(count):
+    return asset('<texture type="2d" builtin="flat" width="8192" height="8192"/>' * count)
+
+
+def samples(*rows):
+    made = [f'<hfield name="h" nrow="{each}" ncol="2048" size="1 1 1 1"/>' for each in rows]
+    return asset("".join(made))
+
+
+def range_search(total):
+    return mjcf(f'<compiler><lengthrange timestep="0.01" inttotal="{total}"/></compiler>')
+
+
+@pytest.mark.parametrize(
+    ("largest", "larger", "said"),
+    [
+        (repeated(2498), repeated(2498, "<site/>"), "5,001 elements, repeated and"),
+        (points(2497), points(2498), "5,001 elements, repeated and"),
+        (nested(197), nested(198), "at most 200 inside each other"),
+        (textures(4), textures(5), "335,544,320 pixels of textures: must be at most 268,435,456"),
+        (samples(1024, 1024), samples(1024, 1025), "4,196,352 samples of height fields: must"),
+        (
+            asset(f'<mesh name="a" vertex="{"0 " * 600_000}"/>'),
+            asset(f'<mesh name="a" vertex="{"0 " * 600_003}"/>'),
+            "200,001 vertices of meshes",
+        ),
+        (
+            asset('<mesh name="a" builtin="supersphere" params="447 1 1"/>'),
+            asset('<mesh name="a" builtin="supersphere" params="448 1 1"/>'),
+            "200,704 vertices of meshes",
+        ),
+        (
+            mjcf("", '<body pos="0 1e18 -1e18"/>'),
+            mjcf("", '<body pos="0 -1.1e18 0"/>'),
+            "pos = '0 -1.1e18 0': numbers must be finite, from -1e18 to 1e18",
+        ),
+        (mjcf('<option timestep="1e-5"/>'), mjcf('<option timestep="0.9e-5"/>'), "least 1e-05 s"),
+        (mjcf('<size memory="1M"/>'), mjcf('<size memory="1023k"/>'), "must be from 1M to 1G"),
+        (mjcf('<size memory="1G"/>'), mjcf('<size memory="1025M"/>'), "must be from 1M to 1G"),
+        (range_search(100), range_search(100.1), "at most 10,000 timesteps"),
+        (mjcf('<size nuser_geom="100"/>'), mjcf('<size nuser_geom="101"/>'), "at most 100"),
+    ],
+)
+def test_the_largest_that_is_allowed_is_not_refused(largest, larger, said):
+    checked(largest)
+    with pytest.raises(TrackslipError, match=said):
+        checked(larger)
+
+
+COUNTS = [
+    (tag, name, most) for tag, counts in MAX_COUNTS.items() for name, most in counts.items()
+] + [("motor", name, most) for name, most in MAX_COUNTS_ANYWHERE.items()]
+
+
+@pytest.mark.parametrize(("tag", "name", "most"), COUNTS)
+def test_counts_are_allowed_up_to_their_limits(tag, name, most):
+    checked(mjcf(f'<{tag} type="2d" {name}="{most}"/>'))  # a cube's texture is six times as high
+    said = f"<{tag}> {name} = '{most + 1}': must be at most {most:,}"
+    with pytest.raises(TrackslipError, match=said):
+        checked(mjcf(f'<{tag} type="2d" {name}="{most + 1}"/>'))
 
 
 @pytest.mark.parametrize("value", ["inf", "-inf", "nan", "Infinity", "nan(1)", "1e308", "0x1p99"])
@@ -328,9 +418,21 @@ def picture(rows, columns):
 @pytest.mark.parametrize(
     ("text", "content", "said"),
     [
-        (asset('<texture name="t" type="2d" file="a"/>'), picture(20_000, 20_000), "pixels of te"),
-        (asset('<hfield name="h" size="1 1 1 1" file="a"/>'), picture(3000, 3000), "samples of h"),
-        (asset('<hfield name="h" size="1 1 1 1" file="a"/>'), b"\0" * 20_000_000, "samples of h"),
+        (
+            asset('<texture name="t" type="2d" file="a"/>'),
+            picture(20_000, 20_000),
+            "400,000,000 p",
+        ),
+        (
+            asset('<hfield name="h" size="1 1 1 1" file="a"/>'),
+            picture(3000, 3000),
+            "9,000,000 sam",
+        ),
+        (
+            asset('<hfield name="h" size="1 1 1 1" file="a"/>'),
+            b"\0" * 20_000_000,
+            "5,000,000 sam",
+        ),
         (mjcf("", '<flexcomp name="f" type="mesh" file="a"/>'), b"v 0 0 0\n" * 3000, "24,000 byte"),
         (asset('<skin name="h" file="a"/>'), b"\0" * (MAX_FILE + 1), "64,000,001 bytes long"),
     ],
@@ -356,6 +458,20 @@ def test_large_meshes_are_refused_unread(build, tmp_path):
         file.truncate(MAX_FILE + 1)
     with pytest.raises(TrackslipError, match=r"a\.obj: 64,000,001 bytes long"):
         build(mjcf(f"<asset>{MESH[0].format('a.obj')}</asset>", MESH[1]))
+
+
+def test_meshes_are_bounded_all_together(tmp_path):
+    """Four of the largest, and no byte more."""
+    sizes = MeshSizes()
+    for k in range(4):
+        with (tmp_path / f"{k}.obj").open("wb") as file:
+            file.truncate(MAX_FILE)
+        sizes.add(tmp_path / f"{k}.obj")
+    assert sizes.total == 256_000_000
+    (tmp_path / "more.obj").write_bytes(b"#")
+    said = r"more\.obj: with it, mesh files have 256,000,001 bytes, must be at most 256,000,000"
+    with pytest.raises(TrackslipError, match=said):
+        sizes.add(tmp_path / "more.obj")
 
 
 def test_an_engine_out_of_memory_is_one_line_with_the_model(build, tmp_path):

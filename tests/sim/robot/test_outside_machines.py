@@ -185,6 +185,19 @@ def test_a_rod_is_no_wheel_at_any_angle(tmp_path, angle):
     assert build_tracked(robot).joints.held == {"shoulder": 0.0}
 
 
+@pytest.mark.parametrize("camber", [-0.25, 0.25])
+def test_wide_wheels_with_camber_are_round_about_their_axes(tmp_path, camber):
+    """Though they are a fifth higher than long, seen along the axle."""
+    parts = [box("base", 50, (0.6, 0.4, 0.2), (0, 0, 0.2))]
+    for name, x, y in CORNERS:
+        tilt = camber * np.sign(y)
+        axis = f"0 {np.cos(tilt)} {np.sin(tilt)}"
+        turn = f"{np.pi / 2 + tilt} 0 0"
+        parts.append(wheel(name, (x, y, 0), axis=axis, turn=turn, width=0.2))
+    robot = load_tracked(write(tmp_path, parts, 'wheels = "replace"\n'))
+    assert set(robot.wheels) == {"fl", "fr", "rl", "rr"}
+
+
 @pytest.mark.parametrize("rule", ['fl_joint = "free"\n', "fl_joint = 0.3\n", '"f*" = "free"\n'])
 def test_rules_about_replaced_wheels_are_refused(tmp_path, rule):
     file = write(tmp_path, on_wheels(), f'wheels = "replace"\n[joints]\n{rule}')

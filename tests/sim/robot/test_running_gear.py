@@ -14,6 +14,7 @@ from machines import (
     box,
     centre_of_mass,
     drive,
+    inertia_of_box,
     joint,
     lines,
     loads_of_equal_springs,
@@ -171,6 +172,18 @@ ON_AN_ARM = [
             f'{GIVEN}[joints]\nelbow = "loose"\n',
             'elbow = \'loose\': must be "hold", "free"',
         ),
+        (
+            ON_AN_ARM,
+            f"{GIVEN}[joints]\nelbow = {{ stiffness = 250.0 }}\n",
+            'elbow = {\'stiffness\': 250.0}: must be "hold", "free"',
+        ),
+        (
+            ON_AN_ARM,
+            f'{GIVEN}[joints]\nelbow = {{ motor = "belt" }}\n',
+            "elbow = {'motor': 'belt'}: must be \"hold\", \"free\"",
+        ),
+        (ON_AN_ARM, f"{GIVEN}[joints]\nelbow = true\n", 'elbow = True: must be "hold", "free"'),
+        (ON_AN_ARM, f"{GIVEN}joints = 0.5\n", "joints: 0.5 is not a table"),
         (ON_AN_ARM, f"{GIVEN}[[tracks]]\ny = 0.2\n", "half_gauge, hull: must be left out beside"),
         (ON_AN_ARM, "[[tracks]]\nsides = 'both'\n", r"tracks\[0\]: hull is missing: give `y` and"),
         (ON_AN_ARM, "[[tracks]]\nsides = 'top'\n", "sides = 'top': must be both, left, right or"),
@@ -272,6 +285,15 @@ def test_flippers_on_one_shaft_have_belts_of_both_sides(tmp_path, other):
     down = drive(file, (0.1, 0.1), angles=[-0.3])
     assert down.load[2] == pytest.approx(down.load[3], rel=0.01)
     assert down.load[2] > 10
+
+
+def test_a_link_without_shapes_on_a_shaft_needs_no_belt(tmp_path):
+    """Such as a sensor's frame on the other side."""
+    parts, text = shaft(("right", "right", 0))
+    mass = f'<mass value="0.1"/>{inertia_of_box(0.1, 0.1, 0.1, 0.1)}'
+    parts[1] = f'<link name="flipper_left"><inertial>{mass}</inertial></link>'
+    robot = load_tracked(write(tmp_path, parts, text))
+    assert [flipper.body for flipper in robot.flippers] == ["flipper_right"]
 
 
 def test_a_flipper_left_out_on_its_shaft_is_named(tmp_path):

@@ -146,6 +146,32 @@ def test_whatever_is_fixed_to_the_world_is_terrain_by_default():
         ),
         ({"load": "half"}, "load = 'half': must be a finite number > 0"),
         ({"width": 0.5}, "width = 0.5: must be less than 0.4 m"),
+        (
+            {"half_gauge": -0.2},
+            "half_gauge = -0.2: must be a finite number > 0",
+        ),
+        ({"half_gauge": 10.1}, "half_gauge = 10.1: must be at most 10 m"),
+        (
+            {"half_gauge": -10.1, "side": "right"},
+            "half_gauge = -10.1: must be at most 10 m",
+        ),
+        ({"friction": (0.7,)}, "friction = (0.7,): must be two coefficients, along and across"),
+        ({"friction": (10.1, 0.7)}, "friction = 10.1: must be"),
+        ({"offset": np.inf}, "offset = inf: must be a finite number"),
+        ({"contact": "skis"}, "contact = 'skis': must be tracks or wheels"),
+        (
+            {"contact": "wheels", "patch_length": 2 * HULL[0][2]},
+            f"patch_length = {2 * HULL[0][2]:g}: must be less than the wheels' diameter",
+        ),
+        ({"contact": "wheels", "aside": (0.1,)}, "aside = [0.1]: must be one for each wheel, with"),
+        ({"aside": (0.0,) * len(HULL)}, "aside = [0.0, 0.0"),
+        (
+            {"contact": "wheels", "aside": (10.1,) + (0.0,) * (len(HULL) - 1)},
+            "aside = 10.1: must be",
+        ),
+        ({"load": 1.1}, "load = 1.1: must be"),
+        ({"width": 10.0, "side": "left"}, "width = 10.0: must be less than 10 m"),
+        ({"segments": 41}, "segments = 41: must be a whole number from 1 to 40"),
         ({"segments": 0}, "segments = 0: must be a whole number from 1 to 40"),
         ({"terrain": ["stairs"]}, "terrain = 'stairs': must be a geom of the spec, such as ground"),
         ({"terrain": [plane().geom("ground")]}, "terrain = 'ground': must be a geom of the spec"),
@@ -165,6 +191,60 @@ def test_bad_arguments_are_named_and_leave_the_spec_as_it_was(options, message):
     with pytest.raises(InvalidValueError, match="name = 'robot': must be another"):
         tracked(spec, half_gauge=0.3)
     tracked(spec, half_gauge=0.3, name="outer")
+
+
+ROUND = ((-0.5, 0.1, 0.1), (0.5, 0.1, 0.1))
+"""A hull whose lower run is a metre long."""
+
+
+def below(parts):
+    """Ends (n, 2) of the capsules along the lower run [m], from rear to front."""
+    capsules = [part for part in parts if part.name.startswith("run") and part.cored]
+    places = [(part.shape["pos"][0], part.shape["size"][1]) for part in capsules]
+    return np.array(sorted([x - half, x + half] for x, half in places))
+
+
+@pytest.mark.parametrize("segments", [2, 3, 8])
+def test_points_of_a_run_are_spread_like_an_even_load(segments):
+    """Each end of a capsule bears a load, each wheel half of one: their mean distance from the
+    middle is a quarter of the run.
+    """
+    parts = Track(0.2, ROUND, segments=segments).parts()
+    ends = below(parts)
+    points = np.sort(ends.ravel())
+    np.testing.assert_allclose(np.diff(points), np.diff(points)[0])
+    np.testing.assert_allclose(points, -points[::-1], atol=1e-15)
+    wheels = [part for part in parts if part.name.startswith("wheel")]
+    load = [*np.ones(2 * segments), *(part.weight for part in wheels)]
+    distance = [*np.abs(points), *(abs(part.shape["pos"][0]) for part in wheels)]
+    assert np.average(distance, weights=load) == pytest.approx(0.25)
+    assert (ends[1:, 0] < ends[:-1, 1]).all()  # without gaps
+
+
+def test_a_single_capsule_is_as_long_as_its_run():
+    parts = Track(0.2, ROUND, segments=1).parts()
+    np.testing.assert_allclose(below(parts), [[-0.5, 0.5]])
+
+
+def test_lines_across_a_belt_spread_like_an_even_pressure():
+    width = 0.3
+    parts = Track(0.2, ROUND, width=width).parts()
+    load = np.array([part.weight for part in parts])
+    y = np.array([part.shape["pos"][1] for part in parts])
+    assert np.average(y**2, weights=load) == pytest.approx(width**2 / 12)
+    assert load.sum() == pytest.approx(sum(part.weight for part in Track(0.2, ROUND).parts()))
+    assert {abs(part.shape["pos"][1]) for part in parts if part.edge} == {width / 2}
+
+
+def test_ends_of_a_wheels_patch_spread_like_an_even_pressure():
+    patch = 0.06
+    track = Track(0.2, ROUND, contact="wheels", patch_length=patch, aside=(0.02, -0.01))
+    parts = track.parts()
+    x = np.array([part.shape["pos"][0] for part in parts]).reshape(2, 2)
+    np.testing.assert_allclose(x.mean(axis=1), [-0.5, 0.5])
+    np.testing.assert_allclose(x.var(axis=1), patch**2 / 12)
+    assert [part.shape["pos"][1] for part in parts] == [0.02, 0.02, -0.01, -0.01]
+    assert [part.weight for part in parts] == [1.0] * 4
 
 
 def test_models_without_tracks_or_with_wrong_options_are_refused():

@@ -117,10 +117,12 @@ def test_ticks_per_turn_are_needed(tmp_path):
 
 
 def test_a_counter_that_restarts_is_refused(tmp_path):
+    """With its counts before and after, and the time since its first reading."""
     ticks = TICKS.copy()
     ticks[200:] -= ticks[200]
     choice = BagChoice(encoders="/left_encoder,/right_encoder")
-    said = r"/left_encoder jumps from .* to 0 after .* s, .*did the counter restart\? Cut the bag"
+    counts = f"from {TICKS[199, 0]} to 0 after {LOG.time[200]:.6g} s"
+    said = rf"/left_encoder jumps {counts}, .*did the counter restart\? Cut the bag"
     with pytest.raises(LogError, match=said):
         read(tmp_path, in_two_topics(ticks), choice)
 

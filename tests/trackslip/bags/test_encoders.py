@@ -7,7 +7,7 @@ from hypothesis.extra.numpy import arrays
 from plain_drives import wandered
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
-from trackslip.bags.encoders import read_encoders
+from trackslip.bags.encoders import read_encoders, side_turns
 from trackslip.bags.topics import sides
 from trackslip.errors import LogError
 from trackslip.logs.angles import unwrapped_angle
@@ -74,6 +74,78 @@ def test_several_wheels_a_side_are_averaged(tmp_path):
     np.testing.assert_allclose(found.values[1:], 0.9 * LOG.omega[1:], atol=1e-10)
 
 
+STEADY = np.full(100, 0.1)  # a wheel that turns by 10 rad
+
+
+@pytest.mark.parametrize(
+    ("share", "is_dead"),
+    [
+        pytest.param(0.0099, True, id="dead"),
+        pytest.param(-0.0099, True, id="dead, but for noise"),
+        pytest.param(0.0101, False, id="slow"),
+    ],
+)
+def test_an_encoder_is_dead_below_a_hundredth(share, is_dead):
+    notes = []
+    turns = {"front": share * STEADY, "rear": STEADY}
+    found = side_turns("/joints", ["front", "rear"], turns, notes)
+    np.testing.assert_allclose(found, STEADY if is_dead else (1 + share) / 2 * STEADY)
+    said = "topic /joints: joint front left out: it stands still while rear turns"
+    assert notes == ([said] if is_dead else [])
+
+
+@pytest.mark.parametrize(("turn", "is_dead"), [(1.0, False), (1.01, True)])
+def test_no_encoder_is_dead_before_a_turn_of_a_radian(turn, is_dead):
+    notes = []
+    front = np.array([turn / 2, turn / 2])
+    found = side_turns("/joints", ["front", "rear"], {"front": front, "rear": 0 * front}, notes)
+    np.testing.assert_allclose(found, front if is_dead else front / 2)
+    assert len(notes) == is_dead
+
+
+def turns_at_an_angle(degrees):
+    """Turns of two wheels that are this angle apart, as vectors."""
+    angle = np.radians(degrees)
+    front = np.array([10.0, 0.0])
+    rear = 5.0 * np.array([np.cos(angle), np.sin(angle)])
+    return {"front": front, "rear": rear}
+
+
+def test_wheels_against_each_other_correlate_by_minus_a_half():
+    notes = []
+    nearly = turns_at_an_angle(119)
+    found = side_turns("/joints", ["front", "rear"], nearly, notes)
+    np.testing.assert_allclose(found, (nearly["front"] + nearly["rear"]) / 2)
+    said = "topic /joints: joints front and rear of one side turn against each other: choose with"
+    with pytest.raises(LogError, match=said):
+        side_turns("/joints", ["front", "rear"], turns_at_an_angle(121), notes)
+    assert notes == []
+
+
+@pytest.mark.parametrize(
+    ("side", "signs"), [(None, [1, 1]), ("left", [-1, 1]), ("right", [1, -1]), ("both", [-1, -1])]
+)
+def test_a_reversed_side_turns_the_other_way(tmp_path, side, signs):
+    found = read(tmp_path, joints_of(LOG), BagChoice(reversed=side))
+    np.testing.assert_allclose(found.values[1:], signs * LOG.omega[1:], atol=1e-11)
+
+
+def test_readings_are_those_between_which_all_joints_are_known(tmp_path):
+    """The left joint from reading 20 on, the right one, at a third of its rate, up to 90."""
+    messages = []
+    for k, (left, right) in enumerate(TURNED.tolist()):
+        at = stamp(LOG.time[k])
+        if k >= 20:
+            messages.append(joint_states(at, ["left"], [left], topic="/left"))
+        if k % 3 == 0 and k <= 90:
+            messages.append(joint_states(at, ["right"], [right], topic="/right", late=2_000_000))
+    found = read(tmp_path, messages)
+    np.testing.assert_array_equal(found.stamp, [stamp(t) for t in LOG.time[20:91]])
+    left = np.diff(TURNED[20:91, 0])
+    right = np.diff(np.interp(LOG.time[20:91], LOG.time[:91:3], TURNED[:91:3, 1]))
+    np.testing.assert_allclose(np.diff(found.turned, axis=0), np.column_stack([left, right]))
+
+
 @pytest.mark.parametrize("choice", [BagChoice(), BagChoice(encoders="/left,/right")])
 def test_sides_in_two_topics(tmp_path, choice):
     messages = []
@@ -111,6 +183,36 @@ def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positi
     np.testing.assert_allclose(bridged.values[60:], LOG.omega[60:], atol=1e-10)
 
 
+@pytest.mark.parametrize(("unknown", "by_position"), [(59, True), (60, False)])
+def test_positions_count_if_most_are_finite(tmp_path, unknown, by_position):
+    positions = TURNED.copy()
+    positions[-unknown:] = np.nan
+    slow = LOG.omega / 2  # velocities that contradict the positions
+    notes = []
+    found = read(tmp_path, states(["left", "right"], positions, slow), notes=notes)
+    assert len(notes) == (not by_position)
+    assert len(found.stamp) == (len(LOG.time) - unknown if by_position else len(LOG.time))
+
+
+@pytest.mark.parametrize(("speed", "note_count"), [(0.99e-3, 0), (1.01e-3, 1)])
+def test_a_robot_at_rest_may_report_a_millirad_a_second(tmp_path, speed, note_count):
+    velocities = np.full_like(TURNED, -speed)
+    notes = []
+    found = read(tmp_path, states(["left", "right"], 0 * TURNED + 1, velocities), notes=notes)
+    assert len(notes) == note_count
+    np.testing.assert_allclose(found.values, -speed * note_count)
+
+
+def test_a_number_beyond_a_billion_radians_is_no_angle(tmp_path):
+    positions = TURNED + 0.9e9
+    positions[40] = 1.1e9, -1.1e9
+    found = read(tmp_path, states(["left", "right"], positions))
+    at = np.delete(LOG.time, 40)
+    np.testing.assert_array_equal(found.stamp, [stamp(t) for t in at])
+    turned = np.delete(TURNED, 40, axis=0)
+    np.testing.assert_allclose(found.turned, turned - turned[0], atol=1e-5)
+
+
 def test_the_topic_that_is_measured_is_chosen(tmp_path):
     measured = states(["left", "right"], TURNED)
     commands = states(["left", "right"], TURNED + 1, topic="/joint_commands")
@@ -124,6 +226,11 @@ def test_the_topic_that_is_measured_is_chosen(tmp_path):
         read(tmp_path / "two", [*base, *other, *arm])
     found = read(tmp_path / "named", [*base, *other], BagChoice(encoders="other/joint_states"))
     assert found.source == "/other/joint_states"
+
+
+def test_joints_of_commands_are_read_if_there_are_no_others(tmp_path):
+    commands = states(["left", "right"], TURNED, topic="/joint_commands")
+    assert read(tmp_path, commands).source == "/joint_commands"
 
 
 SIDES = states(["left", "right"], TURNED)

@@ -122,6 +122,37 @@ def test_twists_are_compared_with_how_poses_move(tmp_path, poses, twist, said):
     assert found == ([said] if said else [])
 
 
+@pytest.mark.parametrize(
+    ("speed", "rate", "said"),
+    [
+        pytest.param(0.09, 0.09, "", id="neither"),
+        pytest.param(0.11, 0.09, "2 times the distance", id="distances"),
+        pytest.param(0.09, 0.11, "2 times the turn", id="turns"),
+    ],
+)
+def test_a_decimetre_and_a_tenth_of_a_radian_a_second_compare(tmp_path, speed, rate, said):
+    """In the root mean square, so that motions of half the time count for 0.7 of their size."""
+    drives = TIME < 30
+    v = np.sqrt(2) * speed * drives
+    w = np.sqrt(2) * rate * drives
+    notes = []
+    bag = open_bag(write_bag(tmp_path / "run", "mcap", odometries((2 * v, 2 * w), path(v, w))))
+    read_encoders(bag, CHOICE, notes, LAYOUT)
+    found = [note.split(" (")[1].split(")")[0] for note in notes]
+    assert found == ([said] if said else [])
+
+
+@pytest.mark.parametrize("factor", [0.82, 0.78, 1.18, 1.22])
+def test_a_twist_per_message_is_known_to_a_fifth(tmp_path, factor):
+    notes = []
+    per_message = factor * STEP
+    twist = (per_message * SPEED, per_message * RATE)
+    bag = open_bag(write_bag(tmp_path / "run", "mcap", odometries(twist, BOTH)))
+    read_encoders(bag, CHOICE, notes, LAYOUT)
+    (note,) = notes
+    assert ("it is per message, not per second" in note) == (abs(factor - 1) < 0.2)
+
+
 @pytest.mark.parametrize("kind", ["world", "zero"])
 def test_the_multiplier_is_right_whatever_the_twist_is(tmp_path, kind):
     rng = np.random.default_rng(0)

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from drives import GEOMETRY, ICR, drive_log
+from drives import EXACT, GEOMETRY, ICR, STILL, drive_log
 from slip_data import grid
 
 from trackslip.errors import InvalidValueError, LogError, TrackslipError
@@ -12,8 +12,12 @@ from trackslip.identification.identify import identify, identify_source
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import Sampling
 from trackslip.identification.source import ReadOptions, Source, source_of_runs
+from trackslip.kinematics import advance
 from trackslip.laws.file import load_laws
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
+
+SIZE = {"half_gauge": GEOMETRY.half_gauge, "sprocket_radius": GEOMETRY.sprocket_radius}
 
 
 @pytest.fixture(autouse=True)
@@ -71,11 +75,85 @@ def test_closed_loops_are_drives_and_steady_samples_are_none():
         identify_source(source, "quick")
 
 
+SAMPLES = Source("samples.csv", GEOMETRY, ReadOptions(), rows=Sampling(grid(ICR), (), ()))
+FREE = replace(drive_log(1, 12.0), metadata={"controller": {"name": "any"}})  # not steady
+ONLY_STEADY = [("settle", 2.0), ("motion", "arc")]
+ONLY_DRIVE = [("sensor", (0.1, 0.0, 0.0)), ("lag", True)]
+
+
+@pytest.mark.parametrize(
+    ("source", "method", "options", "reason"),
+    [
+        (SAMPLES, None, ONLY_STEADY + ONLY_DRIVE, "samples.csv holds steady samples, not traces"),
+        (FREE, "steady", ONLY_DRIVE, "only method drive estimates it"),
+        (FREE, "drive", ONLY_STEADY, "only method steady uses it"),
+        (FREE, None, ONLY_STEADY, "most of the driving isn't steady, so whole drives are used; m"),
+    ],
+)
+def test_an_option_without_effect_is_refused(source, method, options, reason):
+    for name, value in options:
+        reading = ReadOptions(**{name: value}) if (name, value) in ONLY_STEADY else ReadOptions()
+        others = {name: value} if (name, value) in ONLY_DRIVE else {}
+        if source is FREE:
+            read = source_of_runs([FREE], replace(reading, **SIZE))
+        else:
+            read = replace(source, reading=reading)
+        said = f"{name} = .*: must be left out: {reason}"
+        with pytest.raises(InvalidValueError, match=said):
+            identify_source(read, method, **others)
+
+
+def circles(count, steady):
+    """Runs of 20 s on circles, steady for so many seconds; then the sprockets run ever faster."""
+    time = np.arange(0, 20, 0.05)
+    faster = np.interp(time, [steady, 20.0], [1.0, 3.0])
+    runs = []
+    for number in range(count):
+        twist = np.array([0.15, 0.1 + 0.05 * number])
+        omega = np.outer(faster, ICR.sprocket_speeds(twist, GEOMETRY))
+        turned = np.append(0.0, np.cumsum(faster[1:] * np.diff(time)))
+        runs.append(RunLog(f"run {number}", time, omega, advance([0, 0, 0], twist, turned)))
+    return runs
+
+
+class SteadyLawsFitted(Exception):
+    """Raised in place of a cross-check by whole drives."""
+
+
+def stop(_):
+    raise SteadyLawsFitted
+
+
+@pytest.mark.parametrize(
+    ("count", "steady", "are_steady"),
+    [(4, 20.0, True), (3, 20.0, False), (4, 11.0, True), (4, 8.5, False)],
+)
+def test_four_runs_that_are_mostly_steady_are_steady(count, steady, are_steady):
+    """Whole drives refuse the option `settle`."""
+    source = source_of_runs(circles(count, steady), ReadOptions(settle=1.0, **SIZE))
+    if are_steady:
+        with pytest.raises(SteadyLawsFitted):
+            identify_source(source, step=stop)
+    else:
+        with pytest.raises(InvalidValueError, match="most of the driving isn't steady"):
+            identify_source(source, step=stop)
+
+
 def test_what_a_robot_shows_too_little_of_is_an_alarm():
     short = identify(drive_log(1, 20), GEOMETRY, method="drive")
     assert {alarm.kind for alarm in short.alarms} == {"little"}
     assert np.isnan(short.answer["offset"].low)
     json.dumps(identification_to_json(short))
+
+
+def test_too_little_driving_hides_no_other_alarm():
+    """Of a robot that hardly turns: laws have D of at most fifty half gauges."""
+    stubborn = ConstantIcr(120 * GEOMETRY.half_gauge, GEOMETRY.half_gauge, 0.0)
+    found = identify(drive_log(1, 20, EXACT, STILL, stubborn), GEOMETRY, method="drive")
+    kinds = {alarm.kind for alarm in found.alarms}
+    assert {"little", "units", "bound"} <= kinds
+    # that parts of driving are too few is said already
+    assert "blocks" not in kinds
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,24 @@ def test_errors_are_told_even_if_ranges_scatter_more_than_said(scan_rectangle, f
     assert 0.75 < spread.min() < spread.max() < 1.33
 
 
+def test_ranges_far_from_any_pose_give_none(scan_rectangle):
+    """With residuals of ten standard deviations, instead of up to three."""
+    rng = np.random.default_rng(1)
+    poses = on_circles(rng, turns=1, per_turn=180)
+    scan = replace(scan_rectangle(poses, rng, noise=0.05), noise=0.005)
+    assert LOCATOR.locate(scan).valid.mean() < 0.1
+
+
+def test_a_plate_within_two_degrees_of_edge_on_has_no_pose(scan_rectangle):
+    rng = np.random.default_rng(2)
+    heading = np.radians(np.linspace(-8, 8, 161))
+    poses = in_plane(np.full(161, 3.0), np.zeros(161), heading)
+    estimate = LOCATOR.locate(scan_rectangle(poses, rng))
+    angle = np.degrees(viewing_angle(poses))
+    assert not estimate.valid[angle < 1.8].any()
+    assert estimate.valid[angle > 2.2].all()
+
+
 def test_the_edge_of_the_field_of_view_does_not_place_a_plate(scan_rectangle):
     rng = np.random.default_rng(9)
     bearing = np.radians(rng.uniform(82, 92, 600))

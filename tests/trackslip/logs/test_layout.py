@@ -12,7 +12,8 @@ from plain_drives import GEOMETRY, wandered
 import trackslip
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.source import ReadOptions, source_of_frame
-from trackslip.logs.layout import Layout
+from trackslip.kinematics import RobotGeometry
+from trackslip.logs.layout import SCALE, Layout
 from trackslip.logs.logfile import read_log
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import to_table
@@ -66,6 +67,46 @@ def test_speeds_of_belts_are_divided_by_the_radius(ours, theirs, factor):
         option[f"{ours}_{side}"] = theirs.replace(":", f"_{side}:")
     (run,) = source_of_frame(pa.table(columns), replace(SIZE, layout=Layout(option))).logs
     same(run)
+
+
+@pytest.mark.parametrize(
+    ("ours", "unit", "value", "expected"),
+    [
+        ("t", "ms", 1500.0, 1.5),
+        ("t", "us", 1500.0, 0.0015),
+        ("t", "ns", 1500.0, 1.5e-6),
+        ("t", "min", 1.5, 90.0),
+        ("omega_r", "deg/s", 180.0, np.pi),
+        ("omega_r", "rpm", 30.0, np.pi),
+        ("omega_r", "turn/s", 0.5, np.pi),
+        ("angle_l", "deg", 180.0, np.pi),
+        ("angle_l", "turn", 0.5, np.pi),
+        ("x", "cm", 250.0, 2.5),
+        ("y", "mm", 2500.0, 2.5),
+        ("v", "cm/s", 250.0, 2.5),
+        ("v", "mm/s", 2500.0, 2.5),
+        ("v", "km/h", 36.0, 10.0),
+        # motion of belts on sprockets of 50 cm
+        ("omega_l", "km/h", 36.0, 20.0),
+        ("omega_r", "mm/s", 2500.0, 5.0),
+        ("angle_l", "cm", 250.0, 5.0),
+        ("angle_r", "m", 2.5, 5.0),
+    ],
+)
+def test_units_are_those_of_the_si(ours, unit, value, expected):
+    layout = Layout(f"{ours}=a:{unit}", robot=RobotGeometry(1.0, 0.5))
+    field = layout.applied(pa.table({"a": [value]}), "log.csv").schema.field(ours)
+    assert value * float(field.metadata[SCALE]) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_chosen_column_replaces_one_of_our_name():
+    table = pa.table({"t": [0.0, 1.0], "x": [8.0, 9.0], "px": [1.0, 2.0], "y": [3.0, 4.0]})
+    found = Layout("x=px").applied(table, "log.csv")
+    assert found.column_names == ["t", "y", "x"]
+    assert found["x"].to_pylist() == [1.0, 2.0]
+    swapped = Layout("x=y,y=x").applied(table, "log.csv")
+    assert swapped["x"].to_pylist() == [3.0, 4.0]
+    assert swapped["y"].to_pylist() == [8.0, 9.0]
 
 
 def test_distances_of_belts_are_angles_times_the_radius():

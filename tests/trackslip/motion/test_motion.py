@@ -182,6 +182,56 @@ def test_scans_of_something_else_are_left_out(logs):
     assert np.all(np.abs(change) < np.sqrt(np.diag(clean.covariance)))
 
 
+def with_returns(log, count):
+    """The log with only the first returns of the plate in each scan, by their `count` (T,)."""
+    cluster = log.scans.cluster
+    first = np.cumsum(cluster.count) - cluster.count
+    number = np.arange(len(cluster.range)) - first[cluster.row]
+    kept = number < count[cluster.row]
+    cut = replace(cluster, bearing=cluster.bearing[kept], range=cluster.range[kept], count=count)
+    return replace(log, scans=replace(log.scans, cluster=cut))
+
+
+def test_scans_of_half_the_plate_are_left_out(logs):
+    """Their ranges fit, but the edge of what they show isn't one of the plate."""
+    log, _ = logs[0]
+    rows = np.arange(len(log.time))
+    some = (rows >= 50) & (rows < 65)
+    count = log.scans.cluster.count
+    halved = bundle(with_returns(log, np.where(some, count // 2, count)), SCANNED)
+    without = bundle(with_returns(log, np.where(some, 0, count)), SCANNED)
+    np.testing.assert_array_equal(halved.twist, without.twist)
+    np.testing.assert_array_equal(halved.covariance, without.covariance)
+
+
+def test_scans_that_lack_a_return_count(logs):
+    log, _ = logs[0]
+    rows = np.arange(len(log.time))
+    count = log.scans.cluster.count
+    some = (rows >= 50) & (rows < 65)
+    lacking = bundle(with_returns(log, np.where(some, count - 1, count)), SCANNED)
+    without = bundle(with_returns(log, np.where(some, 0, count)), SCANNED)
+    assert (np.diag(lacking.covariance) < np.diag(without.covariance)).all()
+
+
+def test_a_scan_needs_three_returns(logs):
+    log, _ = logs[0]
+    rows = np.arange(len(log.time))
+    count = log.scans.cluster.count
+    some = (rows >= 50) & (rows < 65)
+    two = bundle(with_returns(log, np.where(some, 2, count)), SCANNED)
+    without = bundle(with_returns(log, np.where(some, 0, count)), SCANNED)
+    np.testing.assert_array_equal(two.twist, without.twist)
+
+
+def test_ranges_that_fit_no_pose_are_refused(logs):
+    log, _ = logs[0]
+    cluster = log.scans.cluster
+    nearer = replace(cluster, range=cluster.range - 0.4)
+    with pytest.raises(LogError, match="run 'circle': its ranges don't fit its poses"):
+        bundle(replace(log, scans=replace(log.scans, cluster=nearer)), SCANNED)
+
+
 def test_logs_without_ranges_are_refused(logs):
     log, _ = logs[0]
     log = replace(log, scans=None)

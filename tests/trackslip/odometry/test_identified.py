@@ -1,5 +1,6 @@
 import json
 
+import numpy as np
 import pytest
 from drives import GEOMETRY, ICR
 from plain_drives import identified_from, wandered
@@ -12,6 +13,7 @@ from trackslip.laws.base import NoSlip
 from trackslip.laws.file import save_laws
 from trackslip.laws.icr import ConstantIcr
 from trackslip.odometry.identified import identified_law, no_slip
+from trackslip.odometry.uncertainty import LawErrors
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +57,26 @@ def test_a_file_of_laws_knows_nothing_else(tmp_path):
     assert used.clock_offset is None
     assert used.drift == 0.0
     assert identified_law(tmp_path / "laws.json", "none").law == NoSlip() == no_slip(GEOMETRY).law
+
+
+def test_errors_of_laws_match_intervals_of_95_percent():
+    """An interval of 95 % is from -1.96 to 1.96 standard errors; those unknown are left out."""
+    fit = {
+        "values": {"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0},
+        "stderr": {"a": 0.1, "b": None, "c": 0.3, "d": 0.0},
+        "interval95": {"a": [1.0 - 0.392, 1.0 + 0.392], "c": [2.9, 3.1]},
+        "correlation": [
+            [1.0, 0.9, 0.5, 0.0],
+            [0.9, 1.0, 0.0, 0.0],
+            [0.5, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ],
+    }
+    errors = LawErrors.stored(fit)
+    assert errors.names == ("a", "c")
+    between = 0.5 * 0.2 * 0.3
+    expected = [[0.2**2, between], [between, 0.3**2]]
+    np.testing.assert_allclose(errors.covariance, expected, rtol=1e-4)
 
 
 def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):

@@ -116,6 +116,14 @@ def test_times_are_those_of_trapezoids_and_triangles():
     assert (straight.duration >= [10.6, 2 * np.sqrt(0.2)]).all()
 
 
+def test_in_an_open_field_two_legs_take_all_the_way():
+    """Out to the opposite side and back, at top speed all the time: 2 x 9 m of 18 m."""
+    field = replace(LIMITS, area=(1000.0, 1000.0))
+    to_the_opposite_side = Route(1, 7, (False, False), (0, 0), spinning=0.02, stretches=1)
+    ways = placed(to_the_opposite_side, field, EXACT).maneuvers.distance.mean(axis=1)
+    assert ways.max() == pytest.approx(LIMITS.max_speed * LIMITS.duration / 2)
+
+
 def test_yaw_rates_are_limited():
     spin = Maneuvers.of(np.array([[-3.0, 3.0]]), LIMITS).speeds(60.0)
     assert np.abs(spin).max() == pytest.approx(YAW_RATE_SHARE * 0.3, rel=1e-3)

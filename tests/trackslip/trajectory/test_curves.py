@@ -168,6 +168,25 @@ def test_it_brakes_before_a_corner_and_speeds_up_after_it():
     assert idle.sum() <= 3 * 5 + 4  # cells in which it changes from one to the other
 
 
+def test_one_of_three_limits_is_reached_in_every_bend():
+    """The track on the outside runs at v + b |w|."""
+    bend = np.linspace(-4.0, 4.0, 81)
+    for half_gauge in (0.0, 0.3, 2.0):
+        limits = MotionLimits(0.5, yaw_rate=0.8, track_speed=0.6, half_gauge=half_gauge)
+        v = limits.speed_at(bend)
+        w = np.abs(v * bend)
+        shares = np.array([v / 0.5, w / 0.8, (v + half_gauge * w) / 0.6])
+        np.testing.assert_allclose(shares.max(axis=0), 1.0)
+
+
+def test_scaled_limits_ask_for_the_same_shares_in_bends():
+    bend = np.linspace(0.0, 4.0, 41)
+    faster = HASTY.scaled(1.5, top_speed=10.0)
+    np.testing.assert_allclose(faster.speed_at(bend), 3 * HASTY.speed_at(bend))
+    assert faster.speed / faster.acceleration == pytest.approx(HASTY.speed / HASTY.acceleration)
+    assert HASTY.scaled(1.5, top_speed=1.7).track_speed == 1.7
+
+
 START = (0.7, -0.4, 2.5)
 POINTS = [(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)]
 HASTY = MotionLimits(speed=0.5, acceleration=0.4, yaw_rate=0.8, track_speed=0.6, half_gauge=0.3)

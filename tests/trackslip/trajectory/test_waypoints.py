@@ -173,6 +173,66 @@ def test_unusable_files_are_refused_in_a_line(csv, content, message):
     assert str(caught.value).startswith(str(path))
 
 
+STRAIGHT = np.array([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0)])
+
+
+@pytest.mark.parametrize("column", ["x", "y", "yaw", "v"])
+@pytest.mark.parametrize("value", [101.0, -100.01, np.nan])
+def test_a_number_beyond_100_is_named_with_its_point(column, value):
+    table = {"x": STRAIGHT[:, 0], "y": STRAIGHT[:, 1], "yaw": np.zeros(3), "v": np.full(3, 0.1)}
+    table[column] = np.append(table[column][:2], value)
+    points = np.column_stack([table["x"], table["y"]])
+    said = f"point 3, column {column} = {value}: must be from -100 to 100"
+    with pytest.raises(InvalidValueError, match=said):
+        waypoints(points, yaw=table["yaw"], speed=table["v"])
+
+
+LINE = np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+
+
+@pytest.mark.parametrize("row", range(3))
+def test_speeds_ahead_are_not_negative(row):
+    speed = np.full(3, 0.1)
+    speed[row] = 0.0
+    waypoints(LINE, speed=speed)
+    speed[row] = -0.1
+    said = f"point {row + 1}, column v = -0.1: must be at least 0, unless a column yaw says reverse"
+    with pytest.raises(InvalidValueError, match=said):
+        waypoints(LINE, speed=speed)
+
+
+def test_speeds_in_reverse_may_have_either_sign():
+    backwards = np.full(3, np.pi)
+    negative = waypoints(LINE, yaw=backwards, speed=np.full(3, -0.1))
+    positive = waypoints(LINE, yaw=backwards, speed=np.full(3, 0.1))
+    assert negative.duration == positive.duration
+    assert negative.twist(negative.duration / 2)[0] == pytest.approx(-0.1)
+    # ahead, and back from the last point
+    there_and_back = np.concatenate([LINE, LINE[1::-1]])
+    speed = [0.1, 0.1, -0.1, -0.1, -0.1]
+    assert waypoints(there_and_back, yaw=np.zeros(5), speed=speed).duration > 0
+    with pytest.raises(InvalidValueError, match=r"point 2, column v = -0\.1: must be at least 0"):
+        waypoints(there_and_back, yaw=np.zeros(5), speed=[0.1, -0.1, -0.1, -0.1, -0.1])
+    # in reverse first, up to the second point, and ahead from there
+    points = [(0.0, 0.0), (1.0, 0.0), (0.5, 0.0), (0.0, 0.0)]
+    assert waypoints(points, yaw=np.full(4, np.pi), speed=[-0.1, -0.1, 0.1, 0.1]).duration > 0
+
+
+def test_numbers_and_ways_may_be_as_large_as_allowed():
+    assert waypoints(STRAIGHT).pose(0.0)[0] == 0
+    with pytest.raises(InvalidValueError, match="number of waypoints = 10001: must be from 3 to"):
+        waypoints(np.zeros((10_001, 2)))
+    # five rows of 200 m, a metre apart
+    rows = np.repeat(np.arange(5.0), 2)
+    to_and_fro = 100 * np.array([-1, 1, 1, -1, -1, 1, 1, -1, -1, 1])
+    long = np.column_stack([to_and_fro, rows])
+    with pytest.raises(InvalidValueError, match=r"points = 1004\.0: must be at most 1000 m"):
+        waypoints(long)
+    long[-1, 0] -= 4  # 1000 m: the curve through the points is longer
+    with pytest.raises(InvalidValueError, match="length of the path = "):
+        waypoints(long)
+
+
 def test_missing_files_and_unknown_names_are_refused(tmp_path):
     with pytest.raises(ReferenceFileError, match=r"absent\.csv: no such file"):
         load_reference(tmp_path / "absent.csv")
