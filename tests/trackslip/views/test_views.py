@@ -217,7 +217,7 @@ def test_laws_that_depend_on_speed_are_drawn_at_one_that_is_told():
     assert lines_of(axes)["left track"][300] == pytest.approx([0.0, 0.3])
 
 
-def test_the_path_and_the_speeds_of_a_log_are_drawn_from_its_start():
+def test_path_and_speeds_of_a_log_are_drawn_from_its_start():
     log = drive_log(1, 60.0)
     path, speeds = log.plot().axes
     measured, start = (line.get_xydata() for line in path.lines)
