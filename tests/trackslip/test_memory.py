@@ -1,4 +1,7 @@
 import bz2
+import os
+import sys
+from pathlib import Path
 
 import pytest
 from backports import zstd
@@ -56,6 +59,42 @@ def test_half_of_the_least_limit_is_the_default(monkeypatch):
     assert half_of_memory() == 300
     monkeypatch.setattr(memory, "_process_limit", lambda: [100])
     assert half_of_memory() == 50
+
+
+@pytest.mark.parametrize(("text", "half"), [("5000\n", 2500), ("max\n", 5000), (None, 5000)])
+def test_a_container_limits_memory_if_it_says_so(tmp_path, monkeypatch, text, half):
+    file = tmp_path / "memory.max"
+    if text is not None:
+        file.write_text(text)
+    monkeypatch.setattr(memory, "_physical_memory", lambda: 10_000)
+    monkeypatch.setattr(memory, "_process_limit", list)
+    monkeypatch.setattr(memory, "_CONTAINER_LIMIT", file)
+    assert half_of_memory() == half
+
+
+def test_the_soft_limit_of_ulimit_counts_unless_infinite(monkeypatch):
+    resource = pytest.importorskip("resource")
+    monkeypatch.setattr(memory, "_physical_memory", lambda: 10_000)
+    monkeypatch.setattr(memory, "_container_limit", list)
+    for soft, half in ((7000, 3500), (resource.RLIM_INFINITY, 5000)):
+        monkeypatch.setattr(resource, "getrlimit", lambda _, soft=soft: (soft, 9000))
+        assert half_of_memory() == half
+
+
+def test_windows_has_neither_limits_nor_sysconf(monkeypatch):
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setitem(sys.modules, "resource", None)  # importing it would raise
+    monkeypatch.setattr(memory, "_CONTAINER_LIMIT", Path("nowhere/memory.max"))
+    monkeypatch.delattr(os, "sysconf", raising=False)
+    assert half_of_memory() == 4_000_000_000
+
+
+@pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="Linux tells its memory there")
+def test_without_limits_half_of_the_machines_memory_counts(monkeypatch):
+    monkeypatch.setattr(memory, "_container_limit", list)
+    monkeypatch.setattr(memory, "_process_limit", list)
+    kibibytes = int(Path("/proc/meminfo").read_text().split()[1])
+    assert half_of_memory() == pytest.approx(1024 * kibibytes / 2, rel=1e-3)
 
 
 @pytest.mark.parametrize(

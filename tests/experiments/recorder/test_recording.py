@@ -210,6 +210,42 @@ def test_true_and_measured_slips_have_colours_of_their_own(driven):
     assert len(set(colours.values())) == len(colours) == 6
 
 
+def test_lines_of_errors_and_speeds_are_in_their_units(driven):
+    """Positions in mm, headings in degrees, speeds in rad/s."""
+    log = driven[1][1]
+    traces = Traces(log)
+    by_entity = {line.entity: line for line in series_of(traces)}
+    error = traces.error
+    position = by_entity["error/position"]
+    assert position.names == ("ahead", "to the left")
+    np.testing.assert_allclose(position.values, 1000 * error[:, :2])
+    distance = by_entity["error/distance"].values
+    np.testing.assert_allclose(distance[:, 0], 1000 * np.linalg.norm(error[:, :2], axis=1))
+    heading = by_entity["error/heading"].values
+    np.testing.assert_allclose(heading[:, 0], 180 / np.pi * error[:, 2])
+    sprockets = by_entity["sprocket/measured"]
+    assert sprockets.names == ("left, measured", "right, measured")
+    np.testing.assert_array_equal(sprockets.values, log.omega)
+    np.testing.assert_array_equal(by_entity["sprocket/command"].values, log.command)
+
+
+def test_lines_of_soil_are_there_for_runs_in_soil(driven):
+    log = driven[1][1]
+    assert not any(line.entity.startswith("soil/") for line in series_of(Traces(log)))
+    sinkage = np.full_like(log.omega, 0.012)
+    resistance = np.full_like(log.omega, -3.0)
+    truth = replace(log.truth, sinkage=sinkage, resistance=resistance)
+    by_entity = {line.entity: line for line in series_of(Traces(replace(log, truth=truth)))}
+    np.testing.assert_allclose(by_entity["soil/sinkage"].values, 12.0)  # [mm]
+    np.testing.assert_allclose(by_entity["soil/resistance"].values, -3.0)  # [N]
+
+
+def test_runs_without_a_reference_have_no_lines_of_errors(driven):
+    lines = series_of(Traces(real_log(driven)))
+    assert {line.entity for line in lines} >= {"sprocket/measured"}
+    assert not any(line.entity.startswith("error/") for line in lines)
+
+
 def test_a_real_robot_is_shown_in_its_size_and_without_a_plate(driven, tmp_path):
     geometry = {"half_gauge": 0.54, "sprocket_radius": 0.3}
     log = real_log(driven, geometry=geometry)

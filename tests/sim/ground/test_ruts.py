@@ -97,6 +97,31 @@ def test_windows_follow_robots_and_keep_their_ruts(robot):
     assert abs(fleet.ruts.resistance.sum()) < 0.02 * resistance(SNOW)
 
 
+def test_ruts_of_each_robot_can_be_undone_alone(robot):
+    """Also where a robot's window has moved and what it pressed since lies in other cells."""
+    fleet = fleet_on(robot, SAND, SAND)
+    drive(fleet, [3.0, 2.0], 1.0)
+    at_first = fleet.ruts.get_state()
+    fleet.command([[5.0, 4.0], [4.0, 5.0]])
+    fleet.advance(4.0)  # in one piece, all of which can be undone
+    at_last = fleet.ruts.get_state()
+    assert (np.ptp([at_first["_corner"], at_last["_corner"]], axis=0)[:, 0] > 0).all()
+
+    def is_as(state):
+        """Whether each robot's window lies and is as deep as in a state."""
+        now = fleet.ruts.get_state()
+        depth = (now["_depth"] == state["_depth"])[:-1].reshape(2, -1)
+        corner = now["_corner"] == state["_corner"]
+        return (depth.all(axis=1) & corner.all(axis=1)).tolist()
+
+    assert is_as(at_last) == [True, True]
+    fleet.ruts.undo(np.array([1]))
+    assert is_as(at_last) == [True, False]
+    assert is_as(at_first) == [False, True]
+    fleet.ruts.undo(np.array([0]))
+    assert is_as(at_first) == [True, True]
+
+
 def test_runs_say_how_robots_sank_and_that_one_is_immobilised(robot):
     """On sand, theory's largest pull is 155 N."""
     notes = {}

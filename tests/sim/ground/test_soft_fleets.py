@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from soft_soil import drive, fleet_on
 
-from sim import Fleet, Ground, load_robot
+from sim import Fleet, Ground, Pull, load_robot
 from sim.env import PathTrackingVectorEnv
 from sim.fleet.fleet import RunSetup
 from sim.ground.ground import NAMED_GROUNDS
@@ -110,6 +111,33 @@ def test_restart_clears_the_ruts(gear):
     drive(fresh, [3.0, 3.0], 1.0)
     np.testing.assert_allclose(fleet.ruts.resistance[0], fresh.ruts.resistance[0], rtol=1e-3)
     assert (fresh.ruts.resistance < 0).all()
+
+
+def test_forces_on_the_chassis_have_the_moments_of_their_places(gear):
+    """The pull acts at the hitch, a side's resistance under its track or at its wheels' axles."""
+    shape = replace(gear.robot.parameters, com_x=0.01, com_y=0.02)
+    pull = Pull(20.0, height=0.1)
+    heading = 0.5
+    fleet = Fleet(
+        load_robot(shape), np.array([[0.0, 0.0, heading]]), SAND, 0.0, tireless(), pull=pull
+    )
+    fleet.advance(fleet.period)
+    fleet.ruts.resistance[:] = [[-3.0, -5.0]]
+    fleet.ruts.traction[:] = 0.0
+    fleet.advance(fleet.period)
+
+    lever = shape.sprocket_radius if shape.axles else 0.0
+    half_gauge = shape.half_gauge
+    forces = {(0.0, 0.0, 0.1): 20.0, (0, half_gauge, lever): 3.0, (0, -half_gauge, lever): 5.0}
+    total = np.zeros(6)
+    for place, backwards in forces.items():
+        force = np.array([-backwards, 0.0, 0.0])
+        total[:3] += force
+        total[3:] += np.cross(np.array(place) - shape.centre_of_mass, force)
+    turn = Rotation.from_euler("z", heading)
+    applied = fleet.batch.bind("xfrc_applied")[0, fleet.robot.model.body("chassis").id]
+    expected = [*turn.apply(total[:3]), *turn.apply(total[3:])]
+    np.testing.assert_allclose(applied, expected, rtol=1e-3, atol=1e-4)
 
 
 def test_a_parked_robot_stays_on_a_slope(gear):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from sim.motors.motor import Drive, EvenTorque, Motor, tireless
+from trackslip.errors import InvalidValueError
 
 # at the sprocket: 10 N m at rest, 10 rad/s without a load
 MOTOR = Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0, friction=0.3)
@@ -21,6 +22,27 @@ MOTOR = Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0, friction=0.3)
 def test_limits_are_the_current_and_the_torque_speed_line(omega, smallest, largest):
     limits = Drive(torque_limit=4.0, motor=MOTOR).limits(np.array(omega))
     np.testing.assert_allclose(limits, (smallest, largest))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [
+        ("lag", 0.0, "> 0"),
+        ("lag", 1.1, "1"),
+        ("top_speed", 0.0, "> 0"),
+        ("top_speed", 10.1, "10"),
+        ("torque_limit", -1.0, "> 0"),
+        ("torque_limit", 0.3, "more than motor.friction = 0.3 N m"),
+        ("encoder_counts", 0, "> 0"),
+        ("period", 0.0, "> 0"),
+        ("period", np.nan, "> 0"),
+    ],
+)
+def test_drives_that_cannot_be_are_refused(field, value, allowed):
+    with pytest.raises(InvalidValueError) as refused:
+        Drive(motor=MOTOR, **{field: value})
+    assert refused.value.field == field
+    assert allowed in refused.value.allowed
 
 
 def test_against_its_motion_a_motor_is_stronger_than_at_rest():

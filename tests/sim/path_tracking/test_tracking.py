@@ -14,7 +14,7 @@ from sim import (
 )
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import NAMED_GROUNDS
-from sim.path_tracking.config import TrackingReward
+from sim.path_tracking.config import EnvConfig, TrackingReward
 from trackslip import se2
 from trackslip.controllers.feedback import LinearTimeVarying
 from trackslip.errors import InvalidValueError
@@ -213,6 +213,66 @@ def test_options_ask_for_what_is_not_to_be_drawn():
     ):
         with pytest.raises(InvalidValueError, match=message):
             env.reset(options=options)
+
+
+def test_episodes_may_take_the_ground_of_the_robots_file(tmp_path):
+    file = tmp_path / "robot.toml"
+    file.write_text("mass = 31.0\n[ground]\nalong = 0.4\nacross = 0.5\n")
+    config = EnvConfig(robot=str(file), ground=("robot", "ice"))
+    assert config.parameters.mass == 31.0
+    assert config.load_ground("robot") == Ground(0.4, 0.5)
+    assert config.load_ground("ice") == NAMED_GROUNDS["ice"]
+
+
+@pytest.mark.parametrize(
+    ("ground", "drawn", "shears", "sinks", "is_soft"),
+    [
+        ("stone", None, False, False, False),
+        ("clay", None, True, False, False),
+        (("stone", "clay"), None, True, False, False),
+        ("stone", Randomization(shear=(0.0, 0.01)), True, False, False),
+        ("stone", Randomization(shear=(0.0, 0.0)), False, False, False),
+        (("stone", "dry_sand"), None, True, True, False),
+        (("lete_sand", "dry_sand"), None, True, True, True),
+    ],
+)
+def test_what_grounds_need_is_known_before_any_is_drawn(ground, drawn, shears, sinks, is_soft):
+    config = EnvConfig(ground=ground, randomization=drawn)
+    assert (config.shears, config.sinks, config.is_soft) == (shears, sinks, is_soft)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (
+            {"compensation": "icr"},
+            'compensation = \'icr\': must be "none" unless action is "twist"',
+        ),
+        ({"laws": "laws.json"}, "laws = 'laws.json': must be None unless compensation names a law"),
+        (
+            {"action": "twist", "compensation": "online_cold", "laws": "laws.json"},
+            "laws = 'laws.json': must be None unless compensation names a law",
+        ),
+        ({"reference": ()}, r"reference = \(\): must be a name, or a tuple of names"),
+        ({"preview_spacing": 0.02}, "preview_spacing = 0.02: must be a multiple of 0.05 s"),
+        ({"preview_spacing": 0.12}, "preview_spacing = 0.12: must be a multiple of 0.05 s"),
+        ({"twist_scale": (0.3,)}, r"twist_scale = \(0\.3,\): must be two numbers"),
+        ({"scanner": LaserScanner(rate=10.0)}, "scanner.rate = 10.0: must be 20 Hz, once in a"),
+        ({"randomization": "wild"}, "randomization = 'wild': must be a Randomization, \"typical\""),
+        (
+            {"ground": "dry_sand", "randomization": Randomization.typical()},
+            "randomization = .*: must be without friction_ratio, patches and shear",
+        ),
+        (
+            {"randomization": Randomization(start_distance=(0.0, 0.5))},
+            r"start_distance = .*: must be less than off_path = 0\.5 m",
+        ),
+        ({"tolerance": -0.1}, "tolerance = -0.1: must be "),
+    ],
+)
+def test_options_without_effect_or_sense_are_refused(options, said):
+    with pytest.raises(InvalidValueError, match=said):
+        EnvConfig(**options)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from sim.motors.motor import tireless
 from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import SINK
-from sim.robot.robot import MODELS
+from sim.robot.robot import MODELS, shaped_robot
 from sim.tracks.recipe import LEVEL
 from trackslip.errors import InvalidValueError, RobotWarning, SettingsFileError
 from trackslip.skid_theory import line_contact, steady_twist
@@ -116,6 +116,56 @@ def rigid_inertia(made, angles):
     origin = data.qpos[qpos : qpos + 3]
     inertia = block[3:, 3:] + mass * cross @ cross
     return mass, origin + lever, inertia
+
+
+def second_moments(model):
+    """Integrals of x^2, y^2 and z^2 over the chassis' mass: half of all moments of inertia less the
+    axis' own; its axes must be those of its frame.
+    """
+    body = model.body("chassis")
+    axes = Rotation.from_quat(body.iquat, scalar_first=True).as_matrix()
+    inertia = axes @ np.diag(body.inertia) @ axes.T
+    np.testing.assert_allclose(inertia, np.diag(np.diag(inertia)), atol=1e-9)
+    return np.trace(inertia) / 2 - np.diag(inertia)
+
+
+def test_second_moments_grow_with_mass_and_squares_of_the_shape():
+    shipped = RobotParameters()
+    other = RobotParameters(
+        contact_length=1.5 * shipped.contact_length,
+        half_gauge=1.2 * shipped.half_gauge,
+        com_height=0.9 * shipped.com_height,
+        mass=2 * shipped.mass,
+    )
+    before, after = (second_moments(shaped_robot(each).compile()) for each in (shipped, other))
+    np.testing.assert_allclose(after / before, 2 * np.array([1.5, 1.2, 0.9]) ** 2)
+
+
+@pytest.mark.parametrize("height", [0.4, 0.5, 0.9])
+def test_a_mast_bears_the_plate_at_the_height_of_the_scanner(height):
+    model = shaped_robot(RobotParameters(plate_height=height)).compile()
+    plate = model.geom("plate")
+    mast = model.geom("mast")
+    assert plate.pos[2] == pytest.approx(height)
+    assert model.body("lrf").pos[2] == pytest.approx(height)
+    assert mast.pos[2] + mast.size[1] == pytest.approx(height - plate.size[2])
+    foot = mujoco.MjModel.from_xml_path(str(FIELD)).geom("mast")
+    assert mast.pos[2] - mast.size[1] == pytest.approx(foot.pos[2] - foot.size[1])
+
+
+def test_looks_and_sensors_are_as_long_and_wide_as_the_robot():
+    shipped = mujoco.MjModel.from_xml_path(str(FIELD))
+    wide = RobotParameters(contact_length=0.51, half_gauge=0.21)
+    model = shaped_robot(wide).compile()
+    growth = np.array([0.51 / 0.34, 0.21 / 0.168, 0.21 / 0.168])
+    for name in ("deck", "bumper", "left_lamp"):
+        np.testing.assert_allclose(model.geom(name).pos, growth * shipped.geom(name).pos)
+    bumper = model.geom("bumper").size
+    np.testing.assert_allclose(bumper, growth * shipped.geom("bumper").size)
+    for side, y in (("left", 0.21), ("right", -0.21)):
+        site = model.site(f"{side}_footprint")
+        assert site.pos[1] == pytest.approx(y)
+        assert site.size[0] >= 0.51 / 2
 
 
 @pytest.mark.parametrize("name", ["rescue", "box"])

@@ -1,11 +1,13 @@
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from tracked_files import ROBOT, URDF, write_robot
 
-from sim import Traverse, check
+from sim import Flipper, TrackedRobot, Traverse, check
+from sim.robot.check import RobotCheck
 from sim.robot.looks import robot_looks
 from sim.robot.named import ROBOTS, load_parameters, load_tracked
 from sim.robot.tracked_model import build_tracked, clear_angles
@@ -133,6 +135,78 @@ def test_robots_that_cannot_be_built(tmp_path, old, new, said):
     file = write_robot(tmp_path, ROBOT.replace(old, new), URDF.replace(old, new))
     with pytest.raises(TrackslipError, match=said):
         build_tracked(load_tracked(file))
+
+
+HULL = ((-0.2, 0.1, 0.1), (0.2, 0.1, 0.1))
+FLIPPER = Flipper("arm", "left", hull=HULL)
+PAIR = {"half_gauge": 0.2, "hull": HULL}
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({}, "half_gauge, hull = None: must be given, unless `wheels`, .* tell it"),
+        ({"hull": HULL}, "half_gauge = 0.0: must be a finite number > 0"),
+        ({"half_gauge": 0.2}, r"hull = \[\]: must be from 2 to 100 wheels"),
+        ({**PAIR, "half_gauge": -0.2}, "half_gauge = -0.2: must be a finite number > 0"),
+        ({**PAIR, "width": 0.0}, "width = 0.0: must be a finite number > 0"),
+        ({**PAIR, "offset": np.inf}, "offset = inf: must be a finite number"),
+        ({**PAIR, "flippers": (FLIPPER, FLIPPER)}, "flippers = .*: must be on bodies that are all"),
+    ],
+)
+def test_running_gear_that_cannot_be_is_refused(fields, said):
+    with pytest.raises(TrackslipError, match=rf"^{said}"):
+        TrackedRobot(Path("robot.urdf"), **fields)
+
+
+def test_a_robot_may_stand_on_its_flippers_alone():
+    other = replace(FLIPPER, y=0.1)  # two belts on one body, at different places
+    robot = TrackedRobot(Path("robot.urdf"), flippers=(FLIPPER, other))
+    assert [each.y for each in robot.gear] == [0.0, 0.1]
+
+
+@pytest.mark.parametrize(
+    ("table", "motors"),
+    [
+        ("", "unlimited, without a table [drive]"),
+        ("[drive]\n", "unlimited, by the table [drive]"),
+        ("[drive]\ntorque_limit = 20.0\n", "20 N m a side"),
+    ],
+)
+def test_a_check_tells_weight_and_what_a_slope_takes(tmp_path, table, motors):
+    """A chassis of 20 kg and an arm of 1 kg, (0.3, 0.3, -0.02) m from it, on sprockets of 0.1 m."""
+    text = ROBOT.replace("[[flippers]]", f"{table}[[flippers]]")
+    facts = dict(check(write_robot(tmp_path, text)).facts)
+    assert facts["mass"] == (
+        f"21 kg, {0.3 / 21:+.3f} m ahead, {0.3 / 21:+.3f} m left, "
+        f"{0.12 - 0.02 / 21:.3f} m above the ground"
+    )
+    reduced = 20 * 1 / 21
+    tipping = 0.51 + reduced * (0.3**2 + 0.02**2)
+    turning = 0.51 + reduced * (0.3**2 + 0.3**2)
+    inertia = f"{tipping:.3g}, {tipping:.3g}, {turning:.3g} kg m^2 about x, y, z"
+    assert facts["inertia"] == inertia
+    needed = 21 * G * np.sin(np.radians(20)) * 0.1 / 2
+    assert facts["motors"] == f"{motors}; 20 degrees uphill take {needed:.3g} N m a side"
+    assert facts["contact"] == "tracks, half gauge 0.2 m, 0.4 m long"
+    assert facts["what collides"] == "1 shape"
+    assert facts["joints with motors"] == "shoulder"
+    assert facts["flippers"] == "arm"
+    for name in ("links replaced", "joints that hold", "joints that swing freely"):
+        assert facts[name] == "none"
+
+
+def test_a_check_in_words_ends_with_the_file():
+    checked = RobotCheck((("mass", "1 kg"),), ("is light",), ("has no tracks",), "name = 'a'\n\n")
+    assert str(checked).splitlines() == [
+        "mass: 1 kg",
+        "warning: is light",
+        "error: has no tracks",
+        "",
+        "# the robot file that says all of this",
+        "name = 'a'",
+    ]
+    assert str(replace(checked, file="")).splitlines()[-1] == "error: has no tracks"
 
 
 ARM = """<mujoco><default><default class="big"><joint armature="0.1" damping="20" range="-180 180"/>

@@ -1,5 +1,6 @@
 """Bags that unpack to more than is allowed are refused before they are unpacked."""
 
+import io
 import sqlite3
 import struct
 
@@ -15,12 +16,13 @@ from bombs import (
     ros1,
     with_repeated_chunks,
 )
+from mcap.reader import make_reader
 from plain_drives import wandered
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from trackslip.bags.drives import load
 from trackslip.bags.open import open_bags
-from trackslip.bags.size import memory_per_byte, require_definitions_fit
+from trackslip.bags.size import memory_per_byte, require_bag_fits, require_definitions_fit
 from trackslip.errors import LogError
 
 CDR = b"\0\1\0\0"
@@ -66,6 +68,20 @@ def test_a_cut_off_file_is_counted_too(tmp_path):
     path = mcap(tmp_path / "run.mcap", CDR + bytes(LITTLE))
     path.write_bytes(path.read_bytes()[:-100])
     assert "reading it may take 112 MB of memory" in refusal(path)
+
+
+def test_a_chunk_is_read_up_to_its_last_byte(tmp_path, monkeypatch):
+    """A byte behind its stream is found, also if that alone is the last piece of the file read."""
+    path = mcap(tmp_path / "run.mcap", CDR + bytes(1000))
+    content = path.read_bytes()
+    (chunk,) = make_reader(io.BytesIO(content)).get_summary().chunk_indexes
+    sizes = struct.pack("<QQ", chunk.compressed_size, chunk.uncompressed_size)
+    assert content.count(sizes) == 1  # in the index
+    longer = struct.pack("<QQ", chunk.compressed_size + 1, chunk.uncompressed_size)
+    path.write_bytes(content.replace(sizes, longer))
+    monkeypatch.setattr("trackslip.bags.size._PIECE", chunk.compressed_size)
+    with pytest.raises(ValueError, match="data after the end of its compressed stream"):
+        require_bag_fits(path)
 
 
 def test_a_list_in_a_message_is_counted_before_it_is_decoded(tmp_path):

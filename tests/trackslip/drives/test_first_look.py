@@ -20,10 +20,11 @@ from plain_drives import (
     without,
 )
 
+from trackslip import se2
 from trackslip.drives.conditioning import drives_of
 from trackslip.drives.drive import Drives
 from trackslip.drives.first_look import first_look
-from trackslip.drives.gains import windows_of
+from trackslip.drives.gains import gains_of, windows_of
 from trackslip.errors import LogError
 from trackslip.se2 import Mounting, wrap_angle
 
@@ -167,6 +168,45 @@ def test_spins_of_a_sensor_far_ahead_are_no_jumps():
     assert known_motions(pose).all()
     pose[len(pose) // 2 :, 1] += 6.0
     assert np.sum(~known_motions(pose)) == 1
+
+
+def gains_at(drive, mount, unit=1.0):
+    """Gains of a drive, measured by a sensor at a pose (x, y, phi) in the robot, with positions in
+    units of 1 / `unit` m.
+    """
+    time, pose = measured(drive, position_noise=0.001, heading_noise=0.001)
+    seen = se2.compose(pose, np.array(mount))
+    seen[:, :2] *= unit
+    drives, _ = drives_of([log_of(drive, time, seen)])
+    return gains_of(Drives.of(drives), HUSKY.geometry, 0.0)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
+@pytest.mark.parametrize(
+    ("mount", "speed", "heading"),
+    [((0.3, -0.2, 0.4), 0.97, 0.4), ((-0.5, 0.1, -2.0), -0.97, np.pi - 2.0)],
+    ids=["ahead", "backwards"],
+)
+def test_gains_come_with_where_the_sensor_is_mounted(mount, speed, heading, unit):
+    """Also in mm. If a sensor looks backwards, the wheels seem to count backwards: the robot's
+    frame is the one turned by half a turn, in which the sensor looks ahead.
+    """
+    found = gains_at(drive_of(), mount, unit)
+    assert holds(found.turn, HUSKY.turn_gain)
+    assert found.speed.value == pytest.approx(unit * speed, rel=1e-3)
+    assert found.heading == pytest.approx(heading, abs=1e-3)
+    place = complex(*mount[:2]) * np.sign(speed)
+    assert found.arm == pytest.approx(unit * place, rel=1e-3)
+
+
+def test_on_a_circle_a_place_counts_as_a_gain():
+    """A point at x + i y moves at v + (i x - y) w, always the same there."""
+    circle = drive_of(commands=(np.full(30, 0.5), np.full(30, 0.4)))
+    found = gains_at(circle, (0.3, 0.2, 0.0))
+    motion = 0.97 * (0.5 + (0.3j - 0.2) * 0.4) / 0.5
+    assert found.speed.value == pytest.approx(abs(motion), rel=1e-3)
+    assert found.heading == pytest.approx(-np.angle(motion), abs=1e-3)
+    assert abs(found.arm) < 1e-6
 
 
 @pytest.mark.parametrize(

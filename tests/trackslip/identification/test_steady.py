@@ -390,3 +390,23 @@ def test_repeats_of_a_command_are_no_independent_evidence():
     better[8:16] *= 1.2
     predicted = {"icr_radius": samples.twist + wrong, "turn_loss": samples.twist + better}
     assert _ranked(laws, predicted).best == "icr_radius"
+
+
+def test_standard_errors_are_those_of_commands_left_out():
+    """Eight commands, each with an error of its own that repeating doesn't average out: the errors
+    are those of a jackknife over commands, with refits, however often they are repeated.
+    """
+    once = samples_of(ICR, 0.3 * np.arange(1, 9), noise=1e-3)
+    first = fit_law("icr_radius", once, GEOMETRY)
+    command = np.repeat(np.arange(8), 8)
+    repeated = once.take(command)
+    fit = fit_law("icr_radius", repeated, GEOMETRY)
+    apart = []
+    for left_out in range(8):
+        rest = repeated.take(np.flatnonzero(command != left_out))
+        refit = fit_law("icr_radius", rest, GEOMETRY)
+        apart.append([refit.values[name] - fit.values[name] for name in fit.stderr])
+    jackknife = np.sqrt((1 - 1 / 8) * np.sum(np.square(apart), axis=0))
+    np.testing.assert_allclose([*fit.stderr.values()], jackknife, rtol=0.01)
+    # driven once, they are at least as large: of the offset, the scatter says more
+    assert all(first.stderr[name] >= 0.99 * fit.stderr[name] for name in fit.stderr)

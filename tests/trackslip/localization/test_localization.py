@@ -7,11 +7,11 @@ from bound import pose_bound, ratio_to_bound
 
 from trackslip.kinematics import RobotGeometry, body_twist
 from trackslip.localization.likelihood import PlateBeams, PlateLikelihood, viewing_angle
-from trackslip.localization.line import LineLocator
+from trackslip.localization.line import LineLocator, place
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.scan import Plate, Scan, extract_plate, gather
+from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate, gather
 
 LOCATOR = PlateLocator()
 PLATE = Plate()
@@ -72,6 +72,28 @@ def test_lines_know_their_errors_and_decline_edge_on(
     assert np.degrees(heading_error) < 0.4
     assert not estimate.valid[angle < 0.3].any()
     assert np.isnan(estimate.covariance[~estimate.valid]).all()
+
+
+@pytest.mark.parametrize("heading", np.arange(-3, 4) + 0.1)
+@pytest.mark.parametrize("near", [0.2, -0.2 - PLATE.length], ids=["ahead", "behind"])
+@pytest.mark.parametrize("seen", [0.3, 1.0])
+def test_a_plate_reaches_from_its_near_end_behind_its_face(heading, near, seen):
+    """In the plate's axes, it lies ahead of the scanner or behind it, and 2 m to its left; seen
+    is a share of its long side, which begins at the end towards the scanner.
+    """
+    ends = np.array([near, near + PLATE.length])
+    centre = np.array([ends.mean(), 2.0 + PLATE.thickness / 2])
+    begin, end = ends if near > 0 else ends[::-1]
+    along = np.linspace(begin, begin + seen * (end - begin), 40)
+    returns = (along + 2.0j) * np.exp(1j * heading)
+    cluster = Cluster(
+        np.angle(returns), np.abs(returns), np.array([40]), np.zeros(1), np.full((1, 2), np.inf)
+    )
+    middle = returns.mean()
+    middles = np.array([[middle.real, middle.imag]])
+    ((x, y, phi),) = place(cluster, np.array([heading]), middles, PLATE)
+    expected = complex(*centre) * np.exp(1j * heading)
+    np.testing.assert_allclose([x, y, phi], [expected.real, expected.imag, heading], atol=1e-9)
 
 
 def test_where_the_scanner_stands_does_not_matter(scan_rectangle):

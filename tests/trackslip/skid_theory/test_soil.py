@@ -211,6 +211,15 @@ def test_a_high_hitch_tips_the_robot_over():
         (lambda: replace(SAND, assumed=("colour",)), "assumed"),
         (lambda: replace(TRACKS, width=0.0), "width"),
         (lambda: replace(TRACKS, com_x=0.2), "com_x"),
+        (lambda: replace(TRACKS, settlement=-1e-3), "settlement"),
+        (lambda: replace(HUSKY, length=0.0), "length"),
+        (lambda: replace(HUSKY, radius=-0.1), "radius"),
+        (lambda: replace(HUSKY, width=np.inf), "width"),
+        (lambda: replace(HUSKY, weight=0.0), "weight"),
+        (lambda: replace(HUSKY, settlement=-1e-3), "settlement"),
+        (lambda: replace(HUSKY, com_height=np.nan), "com_height"),
+        (lambda: replace(HUSKY, com_x=0.257), "com_x"),
+        (lambda: replace(HUSKY, com_x=-0.257), "com_x"),
         (lambda: drawbar_curve(SAND, TRACKS, [0.0, 0.1]), "slip"),
         (lambda: drawbar_curve(SAND, TRACKS, slope=-0.1), "slope"),
     ],
@@ -219,6 +228,12 @@ def test_values_out_of_range_are_refused_by_name(call, field):
     with pytest.raises(InvalidValueError) as refused:
         call()
     assert refused.value.field == field
+
+
+def test_centres_of_mass_may_lie_up_to_an_axle_or_an_end():
+    for gear in (TRACKS, HUSKY):
+        for com_x in (-gear.length / 2, gear.length / 2):
+            assert replace(gear, com_x=com_x, settlement=0.0).com_x == com_x
 
 
 HUSKY = Wheels(length=0.512, radius=0.165, width=0.1143, weight=75 * 9.81, com_height=0.25)

@@ -170,6 +170,155 @@ def test_plot_returns_a_labelled_figure_that_notebooks_show(result):
     assert figure._repr_png_().startswith(b"\x89PNG")
 
 
+def lines_of(axes):
+    """Points (n, 2) of the lines in the legend, by their labels."""
+    return {
+        line.get_label(): line.get_xydata()
+        for line in axes.lines
+        if not line.get_label().startswith("_")
+    }
+
+
+def test_the_curves_of_a_law_are_its_slips_up_to_the_pole():
+    """Over the angle atan(b / R), whose tangent is b w / v, between turns on the spot."""
+    law = trackslip.ConstantIcr(0.1, 0.2)
+    (axes,) = law.plot().axes
+    drawn = lines_of(axes)
+    assert [*drawn] == ["left track", "right track"]
+    assert axes.get_xlim() == (-90.0, 90.0)
+    assert "b = 0.2 m" in axes.get_xlabel()
+    for track, points in enumerate(drawn.values()):
+        angle, slip = points.T
+        assert (angle[0], angle[-1]) == (-89.0, 89.0)
+        twists = np.column_stack([np.cos(np.radians(angle)), np.sin(np.radians(angle)) / 0.2])
+        expected = law.slip(twists)[:, track]
+        is_drawn = np.abs(expected) < 1
+        assert 100 < is_drawn.sum() < 600
+        np.testing.assert_allclose(slip[is_drawn], expected[is_drawn], atol=1e-12)
+        assert np.isnan(slip[~is_drawn]).all()
+    straight = drawn["left track"][300]
+    np.testing.assert_allclose(straight, [0.0, 0.0], atol=1e-12)
+    assert axes.get_title() == "ConstantIcr"
+
+
+def test_laws_that_depend_on_speed_are_drawn_at_one_that_is_told():
+    @dataclasses.dataclass(frozen=True)
+    class Hasty(trackslip.SlipLaw):
+        half_gauge: float = 0.2
+
+        def __call__(self, kappa):
+            return np.zeros((*np.shape(kappa), 2))
+
+        def slip(self, twist):
+            return np.repeat(np.abs(np.asarray(twist, float)[..., :1]), 2, axis=-1)
+
+    (axes,) = Hasty().plot().axes
+    assert axes.get_title() == "Hasty at 0.3 m/s"
+    assert lines_of(axes)["left track"][300] == pytest.approx([0.0, 0.3])
+
+
+def test_path_and_speeds_of_a_log_are_drawn_from_its_start():
+    log = drive_log(1, 60.0)
+    path, speeds = log.plot().axes
+    measured, start = (line.get_xydata() for line in path.lines)
+    placed = log.pose[log.has_place, :2]
+    np.testing.assert_array_equal(start, placed[:1])
+    stride = max(1, len(placed) // 2000)
+    np.testing.assert_array_equal(measured, placed[::stride])
+    assert path.get_legend_handles_labels()[1] == ["start"]
+    drawn = lines_of(speeds)
+    assert [*drawn] == ["left", "right"]
+    stride = max(1, len(log.time) // 2000)
+    for track, points in enumerate(drawn.values()):
+        np.testing.assert_array_equal(
+            points, np.stack([log.time, log.omega[:, track]], 1)[::stride]
+        )
+        assert len(points) < 4000
+
+
+def test_measured_slips_lie_at_the_sharpness_of_their_turns():
+    """Also of turns backwards, whose path bends to the same side."""
+    samples = driven([*circles(), (-0.2, -0.3), (0.2, 0.0)])
+    found = identify_samples(Sampling.of([samples], []), GEOMETRY)
+    (axes,) = found.plot().axes
+    left, right = (line.get_xydata() for line in axes.lines[:2])
+    forwards, turn = samples.twist.T
+    assert (forwards < 0).any()
+    expected = np.degrees(np.arctan(GEOMETRY.half_gauge * turn / forwards))
+    for track, dots in enumerate((left, right)):
+        np.testing.assert_allclose(dots[:, 0], expected)
+        np.testing.assert_array_equal(dots[:, 1], samples.slip[:, track])
+    best = found.comparison.best
+    assert axes.get_title() == f"Measured slip (dots) and law {best}"
+    curve = lines_of(axes)["right track"]
+    twist = np.array([np.cos(np.radians(curve[450, 0])), np.nan])
+    twist[1] = np.sin(np.radians(curve[450, 0])) / GEOMETRY.half_gauge
+    law = found.comparison.laws[best].law
+    assert curve[450, 1] == pytest.approx(law.slip(0.3 * twist[None])[0, 1])
+
+
+def test_errors_of_predictions_are_medians_over_the_time_ahead():
+    found = of_drives()
+    errors = found.drive.errors
+    for axes, quantity, factor in zip(
+        found.plot().axes, ("position", "heading"), (1.0, 180 / np.pi), strict=True
+    ):
+        drawn = lines_of(axes)
+        labels = {f"{found.drive.best} (best)": found.drive.best, "today, without slip": "today"}
+        assert set(drawn) <= set(labels)
+        assert f"{found.drive.best} (best)" in drawn
+        assert len(axes.lines) == len(errors)
+        for label, points in drawn.items():
+            by_horizon = errors[labels[label]]
+            assert points[:, 0].tolist() == [*by_horizon]
+            medians = [factor * getattr(each, quantity).median for each in by_horizon.values()]
+            np.testing.assert_allclose(points[:, 1], medians)
+        assert axes.get_ylim()[0] == 0
+        assert axes.get_ylabel() == f"median error [{'m' if quantity == 'position' else '°'}]"
+
+
+def test_errors_of_odometry_are_drawn_over_the_distance():
+    errors = errors_of_odometry()
+    for axes, quantity, factor in zip(
+        errors.plot().axes, ("position", "heading"), (1.0, 180 / np.pi), strict=True
+    ):
+        drawn = lines_of(axes)
+        known = {at: getattr(each, quantity) for at, each in errors.after_metres.items()}
+        assert drawn["median"][:, 0].tolist() == [*known]
+        medians = [factor * part.median for part in known.values()]
+        most = [factor * part.p90 for part in known.values()]
+        np.testing.assert_allclose(drawn["median"][:, 1], medians)
+        np.testing.assert_allclose(drawn["90 % are below"][:, 1], most)
+        assert axes.get_xlabel() == "distance driven [m]"
+    nothing = dataclasses.replace(errors, after_metres={})
+    axes, _ = nothing.plot().axes
+    assert axes.get_xlabel() == "time [s]"
+
+
+def test_errors_that_were_not_measured_say_so():
+    nothing = dataclasses.replace(errors_of_odometry(), after_metres={}, after_seconds={})
+    for axes in nothing.plot().axes:
+        assert not axes.lines
+        assert [text.get_text() for text in axes.texts] == ["not measured"]
+
+
+def test_bars_of_tracking_errors_are_those_that_are_known():
+    errors = dataclasses.replace(
+        errors_of_tracking(),
+        rms_position=1e-3,
+        rms_position_after_12s=2e-3,
+        rms_position_arc=np.nan,
+        cross_track=3e-3,
+        final_position=4e-3,
+        max_position=5e-3,
+    )
+    (axes,) = errors.plot().axes
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    assert names == ["rms", "rms from 12 s on", "rms across the path", "at the end", "largest"]
+    np.testing.assert_allclose([bar.get_width() for bar in axes.patches], [1, 2, 3, 4, 5])
+    assert axes.yaxis_inverted()
+
+
 def test_bars_of_tracking_errors_are_in_millimetres():
     """The robot is 3 mm ahead and 4 mm to the left of its reference all the time."""
     (axes,) = errors_of_tracking().plot().axes
@@ -186,6 +335,19 @@ def test_scores_of_a_benchmark_are_in_millimetres():
     np.testing.assert_allclose(interval, [1.7, 2.1])
     np.testing.assert_allclose([*first, *second], [1.9, 500.0])
     assert "[mm]" in axes.get_xlabel()
+
+
+def test_rows_of_a_benchmark_name_starts_that_differ():
+    results = benchmark()
+    (axes,) = results.plot().axes
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    assert names == ["linear, icr_radius", "linear, none"]
+    assert axes.get_ylim() == (1.5, -0.5)  # the best on top
+    first, second = results.entries
+    apart = dataclasses.replace(results, entries=(first, second | {"start": "paper"}))
+    (axes,) = apart.plot().axes
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    assert names == ["linear, icr_radius, zero", "linear, none, paper"]
 
 
 def test_plot_draws_into_a_figure_that_is_given():
