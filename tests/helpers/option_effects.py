@@ -144,22 +144,23 @@ CASES = {
         GRID | {"pdf": FIGURES},
     ),
     "track": Case(
-        "track --start 0 0.1 0 --reference circle --circle-duration 5 --circle-speed 0.25 "
-        "--threads 1",
+        "track --start 0 0.1 1.5 --reference {bend} --threads 1",
         SIMULATION
         | SCANS
         | {
+            "drive.top_speed": "--drive.top-speed 0.19",
+            "obstacles": "--obstacles {post}",
             "command_delay": "--command-delay 0.1",
             "when_lost": FOUND,
             "controller": "--controller feedforward",
             "compensation": "--compensation none",
             "preview": "--preview 0.1",
             "localization": "--localization truth",
-            "reference": "--circle-radius 1.25 | --circle-radius 2",
-            "circle_radius": "--circle-radius 2",
-            "circle_speed": "--circle-speed 0.1",
-            "circle_duration": "--circle-duration 6",
-            "speed": "--reference {bend} | --reference {bend} --speed 0.2",
+            "reference": "--reference {straight}",
+            "circle_radius": "--reference circle --circle-duration 5 | --circle-radius 2",
+            "circle_speed": "--reference circle --circle-duration 5 | --circle-speed 0.1",
+            "circle_duration": "--reference circle | --circle-duration 5",
+            "speed": "--speed 0.2",
             "tolerance": "--reference {steps} | --reference {steps} --tolerance 0.03",
             "start": "--start 0 0.2 0",
             "laws": "--laws {laws}",
@@ -167,13 +168,13 @@ CASES = {
             "pdf": FIGURES,
         },
         {
-            "speed": "--speed 0.1",
-            "tolerance": "--tolerance 0.03",
+            "speed": "--reference circle --speed 0.1",
+            "tolerance": "--reference circle --tolerance 0.03",
             "scanner.noise": "--localization truth --scanner.noise 0.02",
             "obstacles": "--localization truth --obstacles posts",
             "laws": "--compensation none --laws {laws}",
             "circle_radius": "--reference slalom --circle-radius 2",
-            "circle_speed": "--reference slalom",
+            "circle_speed": "--circle-speed 0.2",
         },
     ),
     "wander": Case(
@@ -524,6 +525,8 @@ def write_inputs(folder: Path) -> dict[str, str]:
         "bend.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.45\n",
         "straight.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.2\n",
         "steps.csv": "x,y\n" + "".join(f"{k // 2 / 10},{k % 2 / 25}\n" for k in range(30)),
+        # between the scanner and the middle of the bend
+        "post.toml": "[[posts]]\nx = -0.4\ny = -0.7\n",
         "robot.toml": "mass = 30.0\ncontact_length = 0.3\n[drive]\nlag = 0.1\n",
         "sweep.toml": "seed = [0, 1]\n",
     }
