@@ -88,6 +88,17 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     assert not (result.folder / STORE).exists()
 
 
+def test_the_ground_robot_is_the_one_in_the_robots_file(trackslip, short, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("half_gauge = 0.2\n[ground]\nalong = 0.41\nacross = 0.43\n")
+    chosen = ("--controllers", "linear", "--seeds", "0", "--grounds", "robot", "stone")
+    options = (*ALONE, *chosen, "--robot", str(file))
+    result = trackslip("benchmark", *short, *options)
+    logs = read_runs(result.folder / "runs.parquet")
+    along = [log.metadata["ground"]["along"] for log in logs]
+    assert along == [0.41, 0.7]
+
+
 def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
     """Other runs of the fleet are unaffected, even by a controller that overwrites the poses it is
     given.
